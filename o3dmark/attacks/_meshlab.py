@@ -1,0 +1,45 @@
+"""The only door to pymeshlab: MeshLab's filters on arrays, with clear errors. MeshLab keeps float64 exactly."""
+
+from typing import Any
+
+import numpy as np
+
+from o3dmark.errors import BackendError
+from o3dmark.geometry import Floats, Ints
+
+
+def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]]) -> tuple[Floats, Ints]:
+    """Run MeshLab filters, each (name, parameters), one after the other; new vertices and triangles.
+
+    Errors: BackendError with the filter's name and MeshLab's reason.
+    """
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32)))
+    for name, parameters in filters:
+        try:
+            meshes.apply_filter(name, **parameters)
+        except pymeshlab.PyMeshLabException as error:
+            raise BackendError(f"MeshLab's {name} failed: {_reason(error)}") from None
+    mesh = meshes.current_mesh()
+    return np.array(mesh.vertex_matrix(), np.float64), np.array(mesh.face_matrix(), np.int64).reshape(-1, 3)
+
+
+def percent(share: float) -> Any:
+    """A length as a share of the bounding box's diagonal, in the form that MeshLab's filters take."""
+    import pymeshlab
+
+    return pymeshlab.PercentageValue(100.0 * share)
+
+
+def length(value: float) -> Any:
+    """A length in the mesh's own unit, in the form that MeshLab's filters take."""
+    import pymeshlab
+
+    return pymeshlab.PureValue(value)
+
+
+def _reason(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1].removeprefix("Error details:").strip() if lines else type(error).__name__

@@ -1,0 +1,200 @@
+"""Reading and writing mesh files so that nothing is misread and nothing is half written.
+
+Open3D silently drops the polygons and negative indices of OBJ files and returns the first part of a truncated PLY. So
+OBJ files are parsed here (Open3D's reading is taken where it has texture coordinates and is complete), and PLY and OFF
+files are read by Open3D under the counts of their own header. (MeshLab reads polygons too, but a polygon that visits a
+vertex twice made it corrupt its memory.) Whatever is written appears under its name complete or not at all.
+"""
+
+import itertools
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+
+from o3dmark.errors import MeshError
+from o3dmark.mesh import PointCloud, TriangleMesh, triangle_mesh
+
+FORMATS = (".ply", ".obj", ".off", ".stl", ".glb", ".gltf")
+_PLY_SIZES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+
+
+def read_mesh(path: str | Path) -> TriangleMesh:
+    """The triangle mesh in a file (PLY, OBJ, OFF, STL, GLB, glTF), in double precision where the file has it.
+
+    Errors: MeshError when the file is missing, of another kind, damaged, or holds no triangle.
+    """
+    path = _existing(path)
+    if path.suffix.lower() == ".obj":
+        mesh = _read_obj(path)
+    else:
+        vertices, faces = _announced(path)
+        mesh = _open3d_mesh(path)
+        if len(mesh.vertices) < vertices or len(mesh.triangles) < faces:  # more triangles than faces: polygons
+            raise MeshError(
+                f"{path.name} announces {vertices} vertices and {faces} faces,"
+                f" but {len(mesh.vertices)} and {len(mesh.triangles)} can be read: it is damaged"
+            )
+    if not mesh.has_triangles():
+        what = f"{len(mesh.vertices)} vertices and no triangle" if mesh.has_vertices() else "no mesh"
+        raise MeshError(f"{path.name} holds {what}")
+    return mesh
+
+
+def read_points(path: str | Path) -> PointCloud:
+    """The point cloud in a file, with its normals if it has them. Errors: MeshError as in `read_mesh`."""
+    path = _existing(path)
+    _announced(path)
+    with _quiet():
+        cloud = o3d.io.read_point_cloud(str(path))
+    if not cloud.has_points():
+        raise MeshError(f"{path.name} holds no point")
+    if not np.isfinite(np.asarray(cloud.points)).all():
+        raise MeshError(f"{path.name} has points whose coordinates are not finite")
+    return cloud
+
+
+def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
+    """Write a mesh in the format that the name's ending says; the file is complete or not there at all.
+
+    PLY is binary and keeps every bit; OBJ and OFF keep about six digits, STL and glTF float32.
+    Errors: MeshError when the folder is missing, the ending unknown or the disk full.
+    """
+    path = _writable(path)
+    if path.suffix.lower() == ".stl" and not mesh.has_triangle_normals():
+        mesh = TriangleMesh(mesh).compute_triangle_normals()
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".o3dmark-") as folder, _quiet():
+        draft = Path(folder) / path.name
+        if not o3d.io.write_triangle_mesh(str(draft), mesh) or not draft.exists():
+            raise MeshError(f"Open3D could not write {path.name}")
+        for part in sorted(Path(folder).iterdir(), key=lambda part: part == draft):  # material files first
+            os.replace(part, path.parent / part.name)
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A temporary path beside ``path``, with the same ending, that takes its place when the block ends well."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise MeshError(f"there is no folder {str(path.parent)!r} to write {path.name} in")
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".o3dmark-") as folder:
+        draft = Path(folder) / path.name
+        yield draft
+        os.replace(draft, path)
+
+
+def _existing(path: str | Path) -> Path:
+    path = Path(path)
+    if not path.is_file():
+        raise MeshError(f"no file at {str(path)!r}")
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(f"{path.name}: the ending is none of {', '.join(FORMATS)}")
+    if not path.stat().st_size:
+        raise MeshError(f"{path.name} is empty")
+    return path
+
+
+def _writable(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(f"cannot write {path.name}: the ending is none of {', '.join(FORMATS)}")
+    if not path.parent.is_dir():
+        raise MeshError(f"there is no folder {str(path.parent)!r} to write {path.name} in")
+    return path
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Open3D from printing its own warnings: what matters of them is raised."""
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        yield
+
+
+def _open3d_mesh(path: Path) -> TriangleMesh:
+    with _quiet():
+        return o3d.io.read_triangle_mesh(str(path))
+
+
+def _read_obj(path: Path) -> TriangleMesh:
+    """Vertices, vertex colours and faces of an OBJ file, polygons as fans; Open3D's reading if that has textures."""
+    positions: list[list[bytes]] = []
+    triangles: list[tuple[int, int, int]] = []
+    textured = False
+    for number, line in enumerate(path.read_bytes().replace(b"\\\n", b" ").splitlines(), start=1):
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == b"v":
+            positions.append(words[1:7])
+        elif words[0] == b"f":
+            try:
+                corners = [int(word.split(b"/", 1)[0]) for word in words[1:]]
+            except ValueError:
+                raise MeshError(f"{path.name}, line {number}: a face has a corner that is no number") from None
+            corners = [corner - 1 if corner > 0 else len(positions) + corner for corner in corners]
+            triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
+        elif words[0] == b"vt":
+            textured = True
+    if textured:
+        mesh = _open3d_mesh(path)
+        if len(mesh.triangles) == len(triangles):
+            return mesh
+    return _coloured_mesh(path, positions, triangles)
+
+
+def _coloured_mesh(path: Path, rows: list[list[bytes]], triangles: list[tuple[int, int, int]]) -> TriangleMesh:
+    try:
+        numbers = np.array([row if len(row) == 6 else row[:3] for row in rows], np.float64).reshape(len(rows), -1)
+        if len(rows) and numbers.shape[1] not in (3, 6):
+            raise ValueError
+    except ValueError:
+        raise MeshError(f"{path.name}: a vertex is not three numbers, or three and a colour") from None
+    if not len(rows):
+        raise MeshError(f"{path.name} holds no mesh")
+    mesh = triangle_mesh(numbers[:, :3], np.array(triangles, np.int64).reshape(-1, 3))
+    if numbers.shape[1] == 6 and np.isfinite(numbers[:, 3:]).all():
+        mesh.vertex_colors = o3d.utility.Vector3dVector(numbers[:, 3:])
+    return mesh
+
+
+def _announced(path: Path) -> tuple[int, int]:
+    """(vertices, faces) as the header of a PLY or OFF file says; zeros for other formats."""
+    with path.open("rb") as file:
+        start = file.read(65536)
+    if path.suffix.lower() == ".ply":
+        return _ply_counts(path, start)
+    if path.suffix.lower() == ".off":
+        words = re.sub(rb"#[^\n]*", b"", start).split()
+        if len(words) < 3 or not words[0].upper().endswith(b"OFF") or not (words[1] + words[2]).isdigit():
+            raise MeshError(f"{path.name} does not begin like an OFF file")
+        return int(words[1]), int(words[2])
+    return 0, 0
+
+
+def _ply_counts(path: Path, start: bytes) -> tuple[int, int]:
+    head, found, _ = start.partition(b"end_header")
+    if not start.startswith(b"ply") or not found:
+        raise MeshError(f"{path.name} does not begin like a PLY file")
+    counts, least = {"vertex": 0, "face": 0}, len(head) + len(b"end_header\n")
+    binary, element = b"format ascii" not in head, ""
+    for line in head.decode("ascii", "replace").splitlines():
+        match line.split():
+            case ["element", element, count]:
+                counts[element] = int(count) if count.isdigit() else 0
+            case ["property", "list", count_type, item_type, _]:
+                least += counts[element] * (_PLY_SIZES.get(count_type, 1) + 3 * _PLY_SIZES.get(item_type, 1))
+            case ["property", kind, _]:
+                least += counts[element] * _PLY_SIZES.get(kind, 1)
+    if binary and path.stat().st_size < least:
+        raise MeshError(f"{path.name} is truncated: {path.stat().st_size} bytes, its header announces {least} or more")
+    return counts["vertex"], counts["face"]

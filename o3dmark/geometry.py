@@ -1,0 +1,106 @@
+"""Quantities of a triangle mesh given as arrays: vertices (n, 3) float64 and triangles (m, 3) int.
+
+Pure functions, no mesh object and no Open3D. Lengths, areas and volumes come in the units of the vertices.
+Triangles wind counter-clockwise seen from outside, so that normals point outward and volumes are positive.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def area_vectors(vertices: Floats, triangles: Ints) -> Floats:
+    """Each triangle's normal times its area (m, 3): half the cross product of two edges."""
+    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def areas(vertices: Floats, triangles: Ints) -> Floats:
+    """Triangle areas (m,)."""
+    return np.asarray(np.linalg.norm(area_vectors(vertices, triangles), axis=1))
+
+
+def sum_at_vertices(values: Floats, triangles: Ints, n_vertices: int) -> Floats:
+    """Sum of a triangle quantity (m,) or (m, d) over the triangles around each vertex: (n,) or (n, d)."""
+    columns = values.reshape(len(triangles), -1)
+    corners = triangles.ravel()
+    sums = [np.bincount(corners, np.repeat(column, 3), minlength=n_vertices) for column in columns.T]
+    return np.stack(sums, axis=1, dtype=np.float64).reshape(n_vertices, *values.shape[1:])
+
+
+def vertex_area_vectors(vertices: Floats, triangles: Ints) -> Floats:
+    """Sum of the area vectors around each vertex (n, 3): the un-normalised, area-weighted vertex normal."""
+    return sum_at_vertices(area_vectors(vertices, triangles), triangles, len(vertices))
+
+
+def vertex_areas(vertices: Floats, triangles: Ints) -> Floats:
+    """A third of the area around each vertex (n,); they add up to the surface's area."""
+    return sum_at_vertices(areas(vertices, triangles), triangles, len(vertices)) / 3.0
+
+
+def unit(vectors: Floats) -> Floats:
+    """Vectors (n, 3) scaled to length one; a zero vector stays zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def edges(triangles: Ints) -> Ints:
+    """Each undirected edge once (e, 2), the lower index first, in lexicographic order."""
+    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    return np.asarray(np.unique(pairs, axis=0))
+
+
+def border_vertices(triangles: Ints, n_vertices: int) -> NDArray[np.bool_]:
+    """True (n,) at the vertices of an edge that only one triangle uses."""
+    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    unique, counts = np.unique(pairs, axis=0, return_counts=True)
+    mask = np.zeros(n_vertices, bool)
+    mask[unique[counts == 1].ravel()] = True
+    return mask
+
+
+def adjacency(triangles: Ints, n_vertices: int) -> sp.csr_array:
+    """Symmetric 0/1 matrix (n, n): one where an edge joins two vertices."""
+    pairs = edges(triangles)
+    row, column = np.concatenate([pairs, pairs[:, ::-1]]).T
+    return sp.csr_array((np.ones(len(row)), (row, column)), shape=(n_vertices, n_vertices))
+
+
+def neighbour_mean(triangles: Ints, n_vertices: int) -> sp.csr_array:
+    """The matrix D^-1 A (n, n) that replaces each vertex by the mean of its neighbours (umbrella weights)."""
+    neighbours = adjacency(triangles, n_vertices)
+    degree = np.asarray(neighbours.sum(axis=1)).ravel()
+    return sp.csr_array(sp.diags_array(1.0 / np.maximum(degree, 1.0)) @ neighbours)
+
+
+def area_centroid(vertices: Floats, triangles: Ints) -> Floats:
+    """Centre of mass (3,) of the surface with uniform density."""
+    weight = areas(vertices, triangles)
+    return np.asarray(weight @ vertices[triangles].mean(axis=1) / weight.sum())
+
+
+def volume(vertices: Floats, triangles: Ints) -> float:
+    """Signed volume that a closed surface bounds (divergence theorem); positive for outward winding."""
+    return float(np.sum(area_vectors(vertices, triangles) * vertices[triangles[:, 0]]) / 3.0)
+
+
+def diagonal(vertices: Floats) -> float:
+    """Length of the diagonal of the axis-aligned bounding box."""
+    return float(np.linalg.norm(np.ptp(vertices, axis=0)))
+
+
+def weld(vertices: Floats) -> tuple[Ints, Ints]:
+    """Merge vertices at exactly equal positions.
+
+    Returns ``kept`` (k,), the index of the first vertex at each position, in order of appearance, and ``position``
+    (n,), for every vertex its place in ``kept``.
+    """
+    rows = np.ascontiguousarray(vertices + 0.0).view([("", np.float64)] * 3).ravel()  # + 0.0 makes -0 equal to 0
+    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order].astype(np.int64), place[inverse.ravel()].astype(np.int64)

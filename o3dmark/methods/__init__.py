@@ -1,0 +1,62 @@
+"""Watermarking methods: each is one file of this folder, found by being there.
+
+Method.embed     mesh, bits, key        -> mesh
+Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many hypotheses were tried for them
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from o3dmark.geometry import Floats
+from o3dmark.keys import Key
+from o3dmark.registry import Registry
+
+METHODS: "Registry[Method]" = Registry("method", __name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Extraction:
+    """What a method read: ``soft`` (n_bits,), positive for 1, negative for 0, the magnitude is the trust in it.
+
+    ``hypotheses`` counts the readings (steps, smoothings, frames, ...) among which this one was chosen; every p-value
+    is multiplied by it. ``note`` says in words which one it was.
+    """
+
+    soft: Floats
+    hypotheses: int = 1
+    note: str = ""
+
+    @property
+    def bits(self) -> NDArray[np.uint8]:
+        """Hard decisions (n_bits,), 0 or 1."""
+        return (self.soft > 0).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class Method(abc.ABC):
+    """A way to hide bits in a mesh. Options are the fields; a mesh, a key and bits are the data."""
+
+    name: ClassVar[str] = ""
+    claims: ClassVar[tuple[str, ...]] = ()  # attacks that 16 bits must survive: the contract tests
+
+    @abc.abstractmethod
+    def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
+        """A copy of ``mesh`` (Open3D triangle mesh) that carries ``bits`` (n,).
+
+        Errors: MeshError for a mesh that cannot carry a mark, CapacityError (says how many fit) for too many bits.
+        """
+
+    @abc.abstractmethod
+    def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
+        """Read ``n_bits`` soft bits. ``reference``, the cover mesh, is for informed methods; the others refuse it."""
+
+    @abc.abstractmethod
+    def capacity(self, mesh: Any) -> int:
+        """The number of bits that ``mesh`` can carry at most."""
+
+
+__all__ = ["METHODS", "Extraction", "Method"]

@@ -1,0 +1,40 @@
+"""Fixtures shared by all tests: the CC0 mesh kept in the repo, and real meshes where they are present."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from o3dmark.keys import Key
+from o3dmark.mesh import TriangleMesh
+
+ROOT = Path(__file__).parent.parent
+GOLDEN = ROOT / "tests" / "golden"
+SHARED = Path(os.environ.get("O3DMARK_SHARED", ROOT.parent / "shared"))
+
+
+@pytest.fixture(scope="session")
+def shared() -> Callable[[str], Path]:
+    """The path of a file that is not in the repo (real meshes, oracle values); skips the test where it is absent."""
+
+    def find(name: str) -> Path:
+        path = SHARED / name
+        if not path.exists():
+            pytest.skip(f"{name} is not here (set O3DMARK_SHARED to the folder that holds it)")
+        return path
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def spot() -> TriangleMesh:
+    """Spot (Keenan Crane, CC0): 2 930 vertices, 5 856 triangles, closed, genus 0. Do not change it."""
+    from o3dmark.files import read_mesh
+
+    return read_mesh(GOLDEN / "spot.ply")
+
+
+@pytest.fixture(scope="session")
+def key() -> Key:
+    return Key(bytes(range(32)))
