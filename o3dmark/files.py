@@ -70,27 +70,30 @@ def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
     PLY is binary and keeps every bit; OBJ and OFF keep about six digits, STL and glTF float32.
     Errors: MeshError when the folder is missing, the ending unknown or the disk full.
     """
-    path = _writable(path)
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(f"cannot write {path.name}: the ending is none of {', '.join(FORMATS)}")
     if path.suffix.lower() == ".stl" and not mesh.has_triangle_normals():
         mesh = TriangleMesh(mesh).compute_triangle_normals()
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".o3dmark-") as folder, _quiet():
-        draft = Path(folder) / path.name
+    with replacing(path) as draft, _quiet():
         if not o3d.io.write_triangle_mesh(str(draft), mesh) or not draft.exists():
             raise MeshError(f"Open3D could not write {path.name}")
-        for part in sorted(Path(folder).iterdir(), key=lambda part: part == draft):  # material files first
-            os.replace(part, path.parent / part.name)
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, with the same ending, that takes its place when the block ends well."""
+    """A temporary path of the same name that takes the place of ``path`` when the block ends well, and else is removed.
+
+    Other files that the block writes beside it (materials, textures) come along. Errors: MeshError without the folder.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise MeshError(f"there is no folder {str(path.parent)!r} to write {path.name} in")
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".o3dmark-") as folder:
         draft = Path(folder) / path.name
         yield draft
-        os.replace(draft, path)
+        for part in sorted(Path(folder).iterdir(), key=lambda part: part == draft):  # the file itself last
+            os.replace(part, path.parent / part.name)
 
 
 def _existing(path: str | Path) -> Path:
@@ -101,15 +104,6 @@ def _existing(path: str | Path) -> Path:
         raise MeshError(f"{path.name}: the ending is none of {', '.join(FORMATS)}")
     if not path.stat().st_size:
         raise MeshError(f"{path.name} is empty")
-    return path
-
-
-def _writable(path: str | Path) -> Path:
-    path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise MeshError(f"cannot write {path.name}: the ending is none of {', '.join(FORMATS)}")
-    if not path.parent.is_dir():
-        raise MeshError(f"there is no folder {str(path.parent)!r} to write {path.name} in")
     return path
 
 

@@ -120,16 +120,16 @@ def mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 def triangle_mesh(vertices: Floats, triangles: Ints) -> TriangleMesh:
     """An Open3D mesh from vertices (n, 3) and triangles (m, 3)."""
     return TriangleMesh(
-        o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, np.float64)),
-        o3d.utility.Vector3iVector(np.ascontiguousarray(triangles, np.int32)),
+        o3d.utility.Vector3dVector(np.array(vertices, np.float64, order="C")),
+        o3d.utility.Vector3iVector(np.array(triangles, np.int32, order="C")),
     )
 
 
 def point_cloud(points: Floats, normals: Floats | None = None) -> PointCloud:
     """An Open3D point cloud from points (n, 3) and, if given, normals (n, 3)."""
-    cloud = PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points, np.float64)))
+    cloud = PointCloud(o3d.utility.Vector3dVector(np.array(points, np.float64, order="C")))
     if normals is not None:
-        cloud.normals = o3d.utility.Vector3dVector(np.ascontiguousarray(normals, np.float64))
+        cloud.normals = o3d.utility.Vector3dVector(np.array(normals, np.float64, order="C"))
     return cloud
 
 

@@ -1,0 +1,257 @@
+"""Mesh saliency and the scalar Costa scheme: the paper's method, and the synchronisation that makes it blind.
+
+Hamidi, Chetouani, El Haziti, El Hassouni, Cherifi, "A robust blind 3-D mesh watermarking technique based on SCS
+quantization and mesh saliency for copyright protection", 2019. In the paper's order:
+
+    TriangleMesh -> saliency -> salient set -> order by the norms of the vertex normals
+                 -> SCS on the vertex norms -> reconstruction along the radii -> TriangleMesh
+
+A vertex norm is the distance to the mean of the vertices, over the mean of these distances; the salient set is the
+share of vertices with the highest saliency. What the order is made of decides whether the mark can be read:
+
+    rank      the literal text: bit = rank mod m, one dither value a rank, ranks by the norm of the vertex normals.
+              Embedding changes these norms, hence the ranks: it cannot be read even without an attack (measured).
+    informed  the same mark; the reader takes salient set and ranks from the cover mesh. Not blind.
+    sphere    blind, the default. The normals are those of the mesh projected radially onto the unit sphere, which
+              moving vertices along their radii cannot change; their norms are averaged over the neighbours; a bit owns
+              a block of ranks among all vertices, with one dither value; the reader weighs vertices by their saliency.
+
+The step Q_S (the paper's key2) need not be handed over: it lies on a ladder that the reader walks. Under ``sphere`` the
+reader also tries to undo subdivision and umbrella smoothing. It decides by how well each bit's vertices agree with the
+key's dither, and counts every try.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from o3dmark import geometry, registration
+from o3dmark.errors import CapacityError, MeshError
+from o3dmark.geometry import Floats, Ints
+from o3dmark.keys import Key
+from o3dmark.mesh import Surface, with_vertices
+from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.registry import option
+from o3dmark.saliency import Saliency
+from o3dmark.scs import ScalarCosta, coherence_log10p
+from o3dmark.unsmooth import unsmooth
+
+LADDER = 0.2 * 1.05 ** -np.arange(80.0)  # steps over the mean vertex norm, from 0.2 down to 0.004
+_LEAST_VERTICES_A_BIT = 16
+_SETTLED = -6.0  # log10 of the p-value below which the reader looks no further, unless the next try may be better:
+_CLEAR = 0.9  # the coherence above which it cannot be
+_FINER = 4  # a 1-to-4 subdivision halves the edges, so four times as many averages reach as far
+_SMOOTHINGS = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
+
+
+@dataclass(frozen=True, eq=False)
+class Spherical:
+    """A surface in spherical coordinates about the mean of its vertices.
+
+    norms (n,) are over ``unit``, the mean distance to ``centre`` (3,); directions (n, 3) have length one.
+    """
+
+    centre: Floats
+    unit: float
+    norms: Floats
+    directions: Floats
+
+    @classmethod
+    def of(cls, surface: Surface) -> "Spherical":
+        centre = surface.vertices.mean(axis=0)
+        distance = np.linalg.norm(surface.vertices - centre, axis=1)
+        unit = float(distance.mean())
+        return cls(centre, unit, distance / unit, geometry.unit(surface.vertices - centre))
+
+    def vertices(self, norms: Floats) -> Floats:
+        """Positions (n, 3) of the vertices moved along their radii to ``norms`` (n,)."""
+        return np.asarray(self.centre + self.unit * norms[:, None] * self.directions)
+
+
+@dataclass(frozen=True, eq=False)
+class Carriers:
+    """Which vertex carries which bit: vertex (c,), bit (c,), the key's dither (c,) in periods."""
+
+    vertex: Ints
+    bit: Ints
+    dither: Floats
+
+    def among(self, chosen: NDArray[np.bool_]) -> "Carriers":
+        """Those whose vertex is ``chosen`` (n,)."""
+        kept = chosen[self.vertex]
+        return Carriers(self.vertex[kept], self.bit[kept], self.dither[kept])
+
+
+@METHODS.register("saliency-scs")
+@dataclass(frozen=True)
+class SaliencySCS(Method):
+    """SCS on the norms of salient vertices (Hamidi et al. 2019), under one of three synchronisations."""
+
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=10")
+
+    sync: Literal["sphere", "rank", "informed"] = option("sphere", "what orders the vertices")
+    mrms: float = option(6e-4, "distortion aimed at when no step is given, over the bounding-box diagonal")
+    step: float | None = option(None, "Q_S over the mean vertex norm; none: the ladder's largest step within mrms")
+    lam: float | None = option(None, "lambda of Q_S = N_av / lambda, which the reader recomputes; overrides step")
+    gamma: float = option(0.7, "share of the way to the codeword; the paper has 0.5")
+    share: float = option(0.7, "salient share of the vertices; 1: without saliency")
+    salient: Literal["count", "range"] = option("count", "share of the vertices, or saliency >= (1 - share) max")
+    sigma: float = option(2.0, "fine scale of the saliency, in units of epsilon")
+    epsilon: float = option(0.003, "unit of sigma, over the bounding-box diagonal")
+    passes: int = option(2, "averages of the normal norms over the neighbours (sphere)")
+    search: bool = option(True, "let the reader undo subdivision and smoothing (sphere)")
+
+    def __post_init__(self) -> None:
+        ScalarCosta(self.step or 1.0, self.gamma)  # says what is wrong with them
+        if not 0 < self.share <= 1:
+            raise ValueError(f"share must lie in (0, 1], not {self.share}")
+        if min(self.mrms, self.sigma, self.epsilon, self.lam or 1.0) <= 0 or self.passes < 0:
+            raise ValueError("mrms, sigma, epsilon and lam must be positive, passes not negative")
+
+    def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
+        """See `Method.embed`. Salient vertices move along their radii, by gamma Q_S / 2 at most; the others stay."""
+        surface = Surface.of(mesh)
+        message = np.asarray(bits, np.uint8).ravel()
+        if len(message) > (fits := self.capacity(mesh)):
+            raise CapacityError(len(message), fits, f"{_LEAST_VERTICES_A_BIT} salient vertices a bit")
+        salient = self.salient_set(self.saliency(surface))
+        carriers = self._order(surface, salient, len(message), key, self.passes).among(salient)
+        spherical = Spherical.of(surface)
+
+        def reconstructed(step: float) -> Floats:
+            norms = spherical.norms.copy()
+            values, dither = norms[carriers.vertex], step * carriers.dither
+            norms[carriers.vertex] = ScalarCosta(step, self.gamma).embed(values, message[carriers.bit], dither)
+            return spherical.vertices(norms)
+
+        for step in self._steps(surface, salient):  # the largest first
+            vertices = reconstructed(step)
+            if self.step or self.lam or _mrms(surface, vertices) <= self.mrms * surface.diagonal:
+                return with_vertices(mesh, surface, vertices)
+        raise MeshError(f"no step meets an MRMS of {self.mrms} of the diagonal; ask for a larger one")
+
+    def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
+        """See `Method.extract`. Only sync=informed takes a ``reference``, the cover mesh, and it needs it."""
+        if (reference is None) == (self.sync == "informed"):
+            needs = "needs the cover mesh as" if reference is None else "is blind and takes no"
+            raise MeshError(f"saliency-scs with sync={self.sync} {needs} reference")
+        received = Surface.of(mesh)
+        saliency = self.saliency(received)
+        salient, trust = self.salient_set(saliency), self._trust(saliency)
+        best, least, tried, clear = Extraction(np.zeros(n_bits), note="nothing agrees with the key"), 0.0, 0, False
+        for note, surface, passes in self._hypotheses(received):
+            if reference is None:
+                carriers = self._order(surface, salient, n_bits, key, passes)
+            else:
+                carriers = self._order_of_cover(Surface.of(reference), surface, n_bits, key)
+            steps = self._steps(surface, salient)
+            vectors = _agreement(Spherical.of(surface).norms, carriers, trust, steps, n_bits)
+            log_p = coherence_log10p(vectors)
+            tried += len(steps)
+            better = log_p.min() < least
+            if better:
+                least, rung = float(log_p.min()), int(log_p.argmin())
+                best = Extraction(-vectors[rung].real, note=f"{note}, step {steps[rung]:.5f}")
+                clear = _coherence(vectors[rung]) > _CLEAR
+            if least + np.log10(tried) < _SETTLED and (clear or not better):
+                break
+        return Extraction(best.soft, tried, best.note)
+
+    def capacity(self, mesh: Any) -> int:
+        """A bit for every 16 salient vertices."""
+        return int(self.share * len(Surface.of(mesh).vertices)) // _LEAST_VERTICES_A_BIT
+
+    # The steps of the paper, in its order
+
+    def saliency(self, surface: Surface) -> Floats:
+        """The paper's saliency (n,): one scale."""
+        return Saliency(scales=(self.sigma,), epsilon=self.epsilon).of_surface(surface)
+
+    def salient_set(self, saliency: Floats) -> NDArray[np.bool_]:
+        """True (n,) at the salient vertices, "the 70 % maximum values of saliency vector"."""
+        if self.salient == "range":
+            return np.asarray(saliency >= (1.0 - self.share) * saliency.max())
+        return _places(-saliency) < self.share * len(saliency)
+
+    def _order(self, surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key, passes: int) -> Carriers:
+        """Vertices in the descending order of their normal norms, and the bit and the dither that each place gives."""
+        if self.sync != "sphere":
+            return _by_rank(surface, salient, n_bits, key)
+        sphere = surface.moved(Spherical.of(surface).directions)
+        norms = np.linalg.norm(sphere.vertex_area_vectors, axis=1)
+        for _ in range(passes):
+            norms = surface.neighbour_mean @ norms
+        bit = _places(-norms) * n_bits // len(norms)
+        return Carriers(np.arange(len(norms)), bit, key.stream("saliency-scs/sphere").uniform(n_bits)[bit])
+
+    def _order_of_cover(self, cover: Surface, received: Surface, n_bits: int, key: Key) -> Carriers:
+        order = _by_rank(cover, self.salient_set(self.saliency(cover)), n_bits, key)
+        match = registration.match_vertices(cover.vertices, received.vertices)
+        return Carriers(match[order.vertex], order.bit, order.dither)
+
+    def _steps(self, surface: Surface, salient: NDArray[np.bool_]) -> Floats:
+        """The quantisation steps Q_S to try, over the mean vertex norm, in descending order."""
+        if self.lam is not None:
+            normals = np.linalg.norm(surface.vertex_area_vectors[salient], axis=1)
+            return np.array([normals.mean() / Spherical.of(surface).unit ** 2 / self.lam])
+        return LADDER if self.step is None else np.array([self.step])
+
+    # What the blind reader adds
+
+    def _trust(self, saliency: Floats) -> Floats:
+        """The weight (n,) of each vertex: near one in the salient set, near zero out of it, gradual at its edge."""
+        if self.sync != "sphere" or self.share == 1.0:
+            return np.ones(len(saliency))
+        return np.asarray(1.0 / (1.0 + np.exp((_places(-saliency) / len(saliency) - self.share) / 0.1)))
+
+    def _hypotheses(self, received: Surface) -> Iterator[tuple[str, Surface, int]]:
+        """(what was done to the mesh, the mesh with that undone, averages of the normal norms), likeliest first."""
+        yield "as received", received, self.passes
+        if self.sync == "sphere" and self.search:
+            yield "subdivided once", received, _FINER * self.passes
+            for steps, surface in zip(_SMOOTHINGS, unsmooth(received, _SMOOTHINGS), strict=True):
+                yield f"smoothed {steps} times", surface, self.passes
+
+
+def _by_rank(surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key) -> Carriers:
+    """The literal text: the i-th salient vertex by descending normal norm carries bit i mod m and the i-th dither."""
+    vertex = np.flatnonzero(salient)
+    norms = np.linalg.norm(surface.vertex_area_vectors[vertex], axis=1)
+    vertex = vertex[np.argsort(-norms, kind="stable")]
+    return Carriers(vertex, np.arange(len(vertex)) % n_bits, key.stream("saliency-scs/rank").uniform(len(vertex)))
+
+
+def _places(values: Floats) -> Ints:
+    """The place (n,) of each value in the ascending order."""
+    places = np.empty(len(values), np.int64)
+    places[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return places
+
+
+def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> NDArray[np.complex128]:
+    """For every step (s,) and bit: the sum of exp(i phase) over its vertices (s, n_bits), in deviations of noise."""
+    values, weight = norms[carriers.vertex], trust[carriers.vertex]
+    power = np.bincount(carriers.bit, weight**2, minlength=n_bits)
+    vectors = np.empty((len(steps), n_bits), np.complex128)
+    for row, step in zip(vectors, steps, strict=True):
+        phase = ScalarCosta(step).phase(values, step * carriers.dither)
+        row.real = np.bincount(carriers.bit, weight * np.cos(phase), minlength=n_bits)
+        row.imag = np.bincount(carriers.bit, weight * np.sin(phase), minlength=n_bits)
+    return vectors / np.sqrt(np.where(power > 0, power, 1.0) / 2.0)
+
+
+def _coherence(vectors: NDArray[np.complex128]) -> float:
+    """How far the vectors (k,) lie along 0 or pi: 1 when all do, about 0 when their angles are random."""
+    return float((vectors**2).real.sum() / np.maximum(np.sum(np.abs(vectors) ** 2), 1e-300))
+
+
+def _mrms(surface: Surface, vertices: Floats) -> float:
+    """RMS distance to the surface moved to ``vertices`` (n, 3), to first order: the normal part of the motion."""
+    area = geometry.area_vectors(surface.vertices, surface.triangles)
+    size = np.linalg.norm(area, axis=1)
+    moved = (vertices - surface.vertices)[surface.triangles]
+    a, b, c = np.einsum("mcd,md->cm", moved, geometry.unit(area))
+    return float(np.sqrt(size @ (a * a + b * b + c * c + a * b + b * c + c * a) / 6.0 / size.sum()))

@@ -1,0 +1,80 @@
+"""Which vertex of a received mesh is which vertex of the cover mesh: for informed extraction.
+
+Vertices are matched by number where the counts agree and a similarity fits; otherwise the meshes are laid on each other
+by their principal axes and iterated closest points with unknown scale, and nearest vertices are matched.
+"""
+
+import itertools
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dmark.geometry import Floats, Ints, diagonal
+
+_FITS = 0.02  # RMS residual, over the diagonal, below which vertices with equal numbers are taken as the same
+_ROUNDS = 30
+
+
+def similarity(source: Floats, target: Floats) -> Floats:
+    """The similarity that moves ``source`` (n, 3) nearest to ``target`` (n, 3), as a matrix (4, 4).
+
+    Least squares with rotation, translation and scale, no reflection (Umeyama 1991).
+    """
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    u, s, vt = np.linalg.svd((target - b).T @ (source - a))
+    sign = np.array([1.0, 1.0, np.linalg.det(u @ vt)])
+    rotation = (u * sign) @ vt
+    scale = (s * sign).sum() / np.sum((source - a) ** 2)
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * rotation
+    matrix[:3, 3] = b - scale * rotation @ a
+    return matrix
+
+
+def apply(matrix: Floats, points: Floats) -> Floats:
+    """``points`` (n, 3) moved by an affine matrix (4, 4)."""
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def match_vertices(cover: Floats, received: Floats) -> Ints:
+    """For each vertex of the ``cover`` (n, 3), the index of its counterpart in ``received`` (m, 3): an array (n,)."""
+    if len(cover) == len(received):
+        residual = apply(similarity(received, cover), received) - cover
+        if np.sqrt(np.mean(np.sum(residual**2, axis=1))) < _FITS * diagonal(cover):
+            return np.arange(len(cover))
+    aligned = apply(align(received, cover), received)
+    return np.asarray(cKDTree(aligned).query(cover)[1], np.int64)
+
+
+def align(source: Floats, target: Floats) -> Floats:
+    """The similarity (4, 4) that lays the points ``source`` on ``target`` from any pose and scale, unmirrored."""
+    tree = cKDTree(target)
+
+    def misfit(matrix: Floats) -> float:
+        return float(np.mean(tree.query(apply(matrix, source))[0] ** 2))
+
+    matrix = min(_by_principal_axes(source, target), key=misfit)
+    for _ in range(_ROUNDS):
+        matrix = similarity(source, target[tree.query(apply(matrix, source))[1]])
+    return matrix
+
+
+def _by_principal_axes(source: Floats, target: Floats) -> list[Floats]:
+    """The four proper similarities that lay the principal axes of the points on each other."""
+    (a, rms_a, axes_a), (b, rms_b, axes_b) = _frame(source), _frame(target)
+    matrices = []
+    for signs in itertools.product((1.0, -1.0), repeat=2):
+        rotation = (axes_b * np.array([*signs, signs[0] * signs[1]])) @ axes_a.T
+        matrix = np.eye(4)
+        matrix[:3, :3] = rms_b / rms_a * rotation
+        matrix[:3, 3] = b - matrix[:3, :3] @ a
+        matrices.append(matrix)
+    return matrices
+
+
+def _frame(points: Floats) -> tuple[Floats, float, Floats]:
+    centre = points.mean(axis=0)
+    offset = points - centre
+    axes = np.linalg.eigh(offset.T @ offset)[1]
+    axes[:, 2] *= np.linalg.det(axes)  # right-handed
+    return centre, float(np.sqrt(np.mean(np.sum(offset**2, axis=1)))), axes

@@ -1,0 +1,144 @@
+"""A watermark: the method that hides bits and the code that makes bits of a message; one object for owner and reader.
+
+    mark = Watermark()                            # or PROFILES["paper-2026"], or Watermark(method=..., code=...)
+    marked = mark.embed(mesh, "(c) 26", key)
+    mark.extract(attacked, key).message           # -> "(c) 26", or None
+    mark.detect(attacked, key, "(c) 26").present  # -> True
+
+The reader needs the key and the same watermark, nothing of the embedding: both sides share only what a profile says.
+Profiles are dated. A profile, once published, is never edited, so that old marks stay readable.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from o3dmark.detection import Detection, detect
+from o3dmark.errors import CapacityError, SpecError
+from o3dmark.keys import Key
+from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.payload import CODES, Code, Decoded
+from o3dmark.registry import spec_of
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read from a mesh: the raw bits and, through the code, the message."""
+
+    extraction: Extraction
+    decoded: Decoded
+
+    @property
+    def found(self) -> bool:
+        return self.decoded.found
+
+    @property
+    def message(self) -> str | None:
+        return self.decoded.message
+
+    @property
+    def p_value(self) -> float:
+        """Probability that a wrong key, or an unmarked mesh, reads as well: all messages and hypotheses charged."""
+        return self.decoded.p_value
+
+    def to_dict(self) -> dict[str, Any]:
+        return self.decoded.to_dict() | raw_dict(self.extraction)
+
+
+@dataclass(frozen=True)
+class Watermark:
+    """Method, code, and the number of bits between them."""
+
+    method: Method = field(default_factory=lambda: METHODS.make("saliency-scs"))
+    code: Code = field(default_factory=lambda: CODES.make("random"))
+    n_bits: int = 64
+
+    def __post_init__(self) -> None:
+        if self.n_bits < 1:
+            raise SpecError(f"a watermark has 1 bit or more, not {self.n_bits}")
+
+    def embed(self, mesh: Any, message: str, key: Key) -> Any:
+        """A copy of ``mesh`` that carries ``message``, a text or ``"hex:..."``.
+
+        Errors: SpecError when the message does not fit the code, MeshError and CapacityError as in `Method.embed`.
+        """
+        return self.method.embed(mesh, self.code.encode(message, self.n_bits, key), key)
+
+    def extract(self, mesh: Any, key: Key, *, reference: Any = None, false_positive_rate: float = 1e-4) -> Reading:
+        """Read the message, blindly unless the method takes a ``reference``.
+
+        A wrong key yields a message no more often than ``false_positive_rate``.
+        """
+        extraction = self.extract_bits(mesh, key, reference=reference)
+        decoded = self.code.decode(
+            extraction.soft, key, hypotheses=extraction.hypotheses, false_positive_rate=false_positive_rate
+        )
+        return Reading(extraction, decoded)
+
+    def detect(
+        self,
+        mesh: Any,
+        key: Key,
+        message: str | None = None,
+        *,
+        reference: Any = None,
+        false_positive_rate: float = 1e-6,
+    ) -> Detection:
+        """Is our mark there? With the ``message`` known the test is far sharper than without."""
+        extraction = self.extract_bits(mesh, key, reference=reference)
+        if message is None:
+            return self.code.decode(
+                extraction.soft, key, hypotheses=extraction.hypotheses, false_positive_rate=false_positive_rate
+            ).detection
+        expected = self.code.encode(message, self.n_bits, key)
+        return detect(
+            extraction.soft, expected, false_positive_rate=false_positive_rate, hypotheses=extraction.hypotheses
+        )
+
+    def embed_bits(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
+        """Raw bits past the code: what the paper and the benchmark measure."""
+        return self.method.embed(mesh, bits, key)
+
+    def extract_bits(self, mesh: Any, key: Key, *, reference: Any = None) -> Extraction:
+        """Raw soft bits (n_bits,) past the code; all zero when the mesh is too small to carry so many."""
+        return self.method.extract(mesh, self.n_bits, key, reference=reference)
+
+    def check_room(self, mesh: Any) -> None:
+        """Errors: CapacityError, which says how many bits fit, when the mesh is too small."""
+        fits = self.method.capacity(mesh)
+        if fits < self.n_bits:
+            raise CapacityError(self.n_bits, fits)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"method": spec_of(self.method), "code": spec_of(self.code), "n_bits": self.n_bits}
+
+
+PROFILES: dict[str, Watermark] = {
+    "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
+    "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
+}
+DEFAULT_PROFILE = "paper-2026"
+
+
+def raw_dict(extraction: Extraction) -> dict[str, Any]:
+    """bits, soft and hypotheses of an extraction, ready for JSON."""
+    return {
+        "bits": bit_text(extraction.bits),
+        "soft": [round(float(value), 4) for value in extraction.soft],
+        "hypotheses": extraction.hypotheses,
+        "note": extraction.note,
+    }
+
+
+def bit_text(bits: ArrayLike) -> str:
+    """Bits (n,) as a text of 0 and 1."""
+    return "".join(map(str, np.asarray(bits, int).tolist()))
+
+
+def parse_bits(text: str) -> NDArray[np.uint8]:
+    """A text of 0 and 1 as bits (n,). Errors: SpecError for any other sign, or none."""
+    if not text or set(text) - set("01"):
+        raise SpecError("bits are written with 0 and 1, like 01101001")
+    return np.array([int(sign) for sign in text], np.uint8)
