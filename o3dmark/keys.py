@@ -9,7 +9,6 @@ import hashlib
 import os
 import re
 import secrets
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -59,15 +58,10 @@ class Key:
 
     def save(self, path: str | Path) -> None:
         """Write the key file with mode 0600. An existing file is never overwritten: KeyFileError."""
-        path = Path(path)
         try:
-            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".key-")  # mkstemp gives mode 0600
+            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "w", encoding="ascii") as file:
                 file.write(f"{_HEADER}:{self.secret.hex()}\n")
-            try:
-                os.link(temporary, path)  # fails when the name is taken, unlike a rename
-            finally:
-                os.unlink(temporary)
         except FileExistsError:
             raise KeyFileError(f"{str(path)!r} exists; a key is never overwritten") from None
         except OSError as error:

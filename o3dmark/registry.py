@@ -35,7 +35,7 @@ class Registry(Generic[T]):
         """Class decorator: make a frozen dataclass known under ``name``."""
 
         def enter(cls: type[T]) -> type[T]:
-            if not dataclasses.is_dataclass(cls):
+            if not dataclasses.is_dataclass(cls) or not cls.__dataclass_params__.frozen:  # type: ignore[attr-defined]
                 raise TypeError(f"{cls.__name__} must be a frozen dataclass to be registered")
             if name in self._classes:
                 raise ValueError(f"two classes want the {self.kind} name {name!r}")
@@ -134,15 +134,18 @@ def _convert(owner: str, option: str, value: Any, hint: Any) -> Any:
         return None
     for kind in kinds:
         if typing.get_origin(kind) is typing.Literal:
-            if value in typing.get_args(kind):
-                return value
+            chosen = [choice for choice in typing.get_args(kind) if str(choice) == str(value)]
+            if chosen:
+                return chosen[0]
             continue
         try:
             if kind is bool:
                 return _BOOLS[str(value).lower()]
-            if kind in (int, float, str):
+            if kind is int:
+                return int(str(value))  # by its text: int(2.7) would drop the rest in silence
+            if kind in (float, str):
                 return kind(value)
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, TypeError):
             continue
     raise SpecError(f"{owner}: {option} should be {_type_text(hint)}, not {value!r}")
 

@@ -2,7 +2,7 @@
 
     Metric           reference, distorted   -> float
 
-Every metric is a registered frozen dataclass; zero means no difference.
+Every metric is a registered frozen dataclass; zero means no difference, unless its ``identity`` says otherwise.
 """
 
 import abc
@@ -20,6 +20,7 @@ class Metric(abc.ABC):
 
     name: ClassVar[str] = ""
     needs_equal_connectivity: ClassVar[bool] = False
+    identity: ClassVar[float] = 0.0  # the value for two equal meshes; infinite where more is better (SNR)
 
     @abc.abstractmethod
     def __call__(self, reference: Any, distorted: Any) -> float:

@@ -1,0 +1,99 @@
+"""Distances between two surfaces, whatever their triangles: MRMS and the Hausdorff distance.
+
+The root mean square of the point-to-surface distance d(p, M') over the points p of M (the paper's d_RMS; Cignoni,
+Rocchini, Scopigno, "Metro", 1998) is an integral over the area. It is taken over points drawn uniformly by area; Metro
+and MeshLab add all vertices and edges to theirs and come out 7 to 8 % higher on noisy meshes. The maximum is over those
+points and all vertices: a lower bound, since the farthest point may lie between samples.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from o3dmark import geometry
+from o3dmark.geometry import Floats
+from o3dmark.mesh import Surface
+from o3dmark.metrics import METRICS, Metric
+from o3dmark.metrics.closest import closest_points
+from o3dmark.registry import option
+
+SAMPLES = 200_000  # standard error of the RMS 0.2 % or less on noise; 1.5 s for two meshes of 35 000 vertices
+
+
+@dataclass(frozen=True)
+class SurfaceDistance:
+    """What one evaluation gives; all lengths over the diagonal of the reference's bounding box.
+
+    Forward is from the reference's points to the distorted surface, backward the other way.
+    """
+
+    rms_forward: float
+    rms_backward: float
+    max_forward: float
+    max_backward: float
+    diagonal: float  # of the reference, in the units of its vertices
+
+    @property
+    def mrms(self) -> float:
+        """The larger of both root mean squares."""
+        return max(self.rms_forward, self.rms_backward)
+
+    @property
+    def hausdorff(self) -> float:
+        """The larger of both maxima."""
+        return max(self.max_forward, self.max_backward)
+
+
+def surface_distance(reference: Any, distorted: Any, *, samples: int = SAMPLES, seed: int = 0) -> SurfaceDistance:
+    """Both directions of the distance between two Open3D triangle meshes, from ``samples`` points on each.
+
+    Errors: MeshError when a mesh is unusable, ValueError for fewer than one sample.
+    """
+    if samples < 1:
+        raise ValueError(f"samples should be 1 or more, not {samples}")
+    a, b = Surface.of(reference), Surface.of(distorted)
+    rms_forward, max_forward = _one_way(a, b, samples, seed)
+    rms_backward, max_backward = _one_way(b, a, samples, seed)
+    d = a.diagonal
+    return SurfaceDistance(rms_forward / d, rms_backward / d, max_forward / d, max_backward / d, d)
+
+
+def sample_points(surface: Surface, count: int, rng: np.random.Generator) -> Floats:
+    """``count`` points (count, 3) of the surface, uniform by area: one from each of ``count`` equal shares of it."""
+    reach = np.cumsum(geometry.areas(surface.vertices, surface.triangles))
+    shares = (np.arange(count) + rng.random(count)) / count
+    face = np.minimum(np.searchsorted(reach, shares * reach[-1], side="right"), len(reach) - 1)
+    a, b, c = surface.vertices[surface.triangles[face]].transpose(1, 0, 2)
+    s, t = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    return (1 - s) * a + s * (1 - t) * b + s * t * c
+
+
+def _one_way(source: Surface, target: Surface, samples: int, seed: int) -> tuple[float, float]:
+    points = np.concatenate([sample_points(source, samples, np.random.default_rng(seed)), source.vertices])
+    distance = closest_points(points, target).distance
+    return float(np.sqrt(np.mean(distance[:samples] ** 2))), float(distance.max())
+
+
+@METRICS.register("mrms")
+@dataclass(frozen=True)
+class MRMS(Metric):
+    """Maximum root mean square distance between the surfaces (the paper's d_MRMS), over the reference's diagonal."""
+
+    samples: int = option(SAMPLES, "points drawn on each surface, uniform by area")
+    seed: int = option(0, "of the drawing")
+
+    def __call__(self, reference: Any, distorted: Any) -> float:
+        return surface_distance(reference, distorted, samples=self.samples, seed=self.seed).mrms
+
+
+@METRICS.register("hausdorff")
+@dataclass(frozen=True)
+class Hausdorff(Metric):
+    """Hausdorff distance between the surfaces (samples and all vertices, both ways), over the reference's diagonal."""
+
+    samples: int = option(SAMPLES, "points drawn on each surface, uniform by area, beside all vertices")
+    seed: int = option(0, "of the drawing")
+
+    def __call__(self, reference: Any, distorted: Any) -> float:
+        return surface_distance(reference, distorted, samples=self.samples, seed=self.seed).hausdorff
