@@ -64,6 +64,14 @@ def read_points(path: str | Path) -> PointCloud:
     return cloud
 
 
+def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
+    """The mesh in a file, or its points where it has no triangle. Errors: MeshError as in `read_mesh`."""
+    path = _existing(path)
+    if path.suffix.lower() == ".ply" and not _announced(path)[1]:
+        return read_points(path)
+    return read_mesh(path)
+
+
 def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
     """Write a mesh in the format that the name's ending says; the file is complete or not there at all.
 

@@ -43,6 +43,11 @@ class Method(abc.ABC):
     name: ClassVar[str] = ""
     claims: ClassVar[tuple[str, ...]] = ()  # attacks that 16 bits must survive: the contract tests
 
+    @property
+    def informed(self) -> bool:
+        """Whether extraction needs the cover mesh as its reference."""
+        return False
+
     @abc.abstractmethod
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """A copy of ``mesh`` (Open3D triangle mesh) that carries ``bits`` (n,).
