@@ -1,4 +1,7 @@
-"""The only door to pymeshlab: MeshLab's filters on arrays, with clear errors. MeshLab keeps float64 exactly."""
+"""The only door to pymeshlab: MeshLab's filters on arrays, with clear errors.
+
+MeshLab keeps float64 exactly. It never reads a file here: polygons that visit a vertex twice made it corrupt memory.
+"""
 
 from typing import Any
 
@@ -11,7 +14,7 @@ from o3dmark.geometry import Floats, Ints
 def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]]) -> tuple[Floats, Ints]:
     """Run MeshLab filters, each (name, parameters), one after the other; new vertices and triangles.
 
-    Errors: BackendError with the filter's name and MeshLab's reason.
+    Errors: BackendError with the filter's name and MeshLab's reason, or if no triangle or an unusable one is left.
     """
     import pymeshlab
 
@@ -22,8 +25,13 @@ def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]
             meshes.apply_filter(name, **parameters)
         except pymeshlab.PyMeshLabException as error:
             raise BackendError(f"MeshLab's {name} failed: {_reason(error)}") from None
-    mesh = meshes.current_mesh()
-    return np.array(mesh.vertex_matrix(), np.float64), np.array(mesh.face_matrix(), np.int64).reshape(-1, 3)
+    mesh, done = meshes.current_mesh(), ", ".join(name for name, _ in filters)
+    new, faces = np.array(mesh.vertex_matrix(), np.float64), np.array(mesh.face_matrix(), np.int64).reshape(-1, 3)
+    if not len(faces):
+        raise BackendError(f"MeshLab's {done} leaves no triangle of the {len(triangles)} given")
+    if not np.isfinite(new).all() or faces.min() < 0 or faces.max() >= len(new):
+        raise BackendError(f"MeshLab's {done} returns a damaged mesh")
+    return new, faces
 
 
 def percent(share: float) -> Any:

@@ -1,0 +1,34 @@
+"""What a person looks at: pictures without a display, comparison sheets, and an interactive window.
+
+    render              mesh or point cloud, scalars     -> picture (h, w, 3) uint8
+    render_scalars      the same, with its colour bar
+    comparison_sheet    cover, marked, attacked          -> original, saliency, marked, displacement, attacked
+    distance_sheet      marked, attacked, distances
+    sheet               panels of one's own choice
+    coloured            mesh or point cloud, scalars     -> a copy with vertex colours
+    save_png            a picture as a file
+    show                a window, where there is a screen
+
+Pictures are arrays; nothing is written or printed unless asked for.
+"""
+
+from o3dmark.view.camera import Camera
+from o3dmark.view.colours import coloured
+from o3dmark.view.comparison import comparison_sheet, distance_sheet
+from o3dmark.view.render import Image, render, save_png
+from o3dmark.view.sheet import Panel, render_scalars, sheet
+from o3dmark.view.window import show
+
+__all__ = [
+    "Camera",
+    "Image",
+    "Panel",
+    "coloured",
+    "comparison_sheet",
+    "distance_sheet",
+    "render",
+    "render_scalars",
+    "save_png",
+    "sheet",
+    "show",
+]

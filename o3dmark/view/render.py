@@ -1,0 +1,77 @@
+"""Pictures of meshes and point clouds, made without a display and without OpenGL.
+
+Open3D's ray caster finds what each pixel sees; numpy shades it. Why not the hidden window of Open3D's visualiser: it
+needs an EGL context, which Open3D makes from 0.20 on and on Linux alone, it writes to stderr past every log level, and
+it lights vertices, not pixels. The ray caster gives the same picture on every machine, with nothing to fall back to.
+It computes in float32, so meshes are moved to the origin and scaled to size one first; nothing is measured here.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import ArrayLike, NDArray
+
+from o3dmark import geometry
+from o3dmark.errors import BackendError
+from o3dmark.files import replacing
+from o3dmark.view.camera import THREE_QUARTER, Camera
+from o3dmark.view.colours import checked_scalars, colour_limits, colours
+from o3dmark.view.model import Model, n_vertices, positions, shape_of
+from o3dmark.view.shading import Hits, open_sky, scene_of, shade
+
+Image = NDArray[np.uint8]
+
+SAMPLES = 2  # rays a pixel along each side, so that edges are smooth
+MATERIAL = np.array([0.80, 0.765, 0.72])  # sRGB: a warm grey, like clay
+GAMMA = 2.2
+
+
+def render(
+    mesh: Any,
+    scalars: ArrayLike | None = None,
+    *,
+    camera: Camera = THREE_QUARTER,
+    size: tuple[int, int] = (640, 480),
+    limits: tuple[float, float] | None = None,
+    colormap: str = "viridis",
+    frame: Any = None,
+) -> Image:
+    """Picture (h, w, 3) of an Open3D triangle mesh or point cloud on white; ``size`` is (w, h) in pixels.
+
+    scalars: one number a vertex (or point), shown as colours of a matplotlib ``colormap`` that spans ``limits``, by
+    default the 2nd to the 98th percentile. frame: the mesh that the camera is fitted to, so that several are drawn
+    alike; by default this one. The mesh's own colours are not drawn. The same call gives the same picture.
+    Errors: MeshError when there is nothing to draw or the scalars do not fit; SpecError for an unknown colormap.
+    """
+    width, height = size
+    if width < 1 or height < 1:
+        raise ValueError(f"a picture of {width} x {height} pixels has no pixel")
+    shape = shape_of(mesh)
+    fit = positions(shape if frame is None else shape_of(frame))
+    centre, to_camera = (fit.min(axis=0) + fit.max(axis=0)) / 2, camera.axes.T / (geometry.diagonal(fit) or 1.0)
+    values = None if scalars is None else checked_scalars(scalars, n_vertices(shape))
+    model = Model.of(shape, values, centre, to_camera)
+    scene = scene_of(model)
+    hits = Hits.of(model, scene, camera.rays((fit - centre) @ to_camera, SAMPLES * width, SAMPLES * height))
+    material = MATERIAL
+    if values is not None and hits.scalars is not None:
+        material = colours(hits.scalars, limits or colour_limits(values), colormap)
+    picture = np.ones((SAMPLES * height, SAMPLES * width, 3), np.float32)
+    picture[hits.row, hits.column] = shade(hits, open_sky(scene, hits), material**GAMMA).clip(0, 1) ** (1 / GAMMA)
+    pixels = picture.reshape(height, SAMPLES, width, SAMPLES, 3).mean(axis=(1, 3))
+    return np.round(255 * pixels).astype(np.uint8)
+
+
+def save_png(path: str | Path, image: Image) -> None:
+    """Write a picture (h, w, 3) uint8 as PNG; the file is there complete or not at all.
+
+    Errors: MeshError when the folder is missing; BackendError when Open3D cannot write it.
+    """
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        raise ValueError(f"a picture is (h, w, 3) uint8, not {image.shape} {image.dtype}")
+    pixels = np.ascontiguousarray(image)
+    with replacing(path) as draft, o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        if not o3d.io.write_image(str(draft), o3d.geometry.Image(pixels)):
+            raise BackendError(f"Open3D could not write {Path(path).name}: does its name end in .png?")

@@ -1,0 +1,125 @@
+"""Attacks that forget the mesh: marching cubes, Poisson, simulated scans; and the points that they sample."""
+
+import numpy as np
+import pytest
+
+from o3dmark import geometry
+from o3dmark.attacks import ATTACKS
+from o3dmark.attacks.sampling import sampled_points, scanned_points
+from o3dmark.errors import MeshError
+from o3dmark.mesh import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
+
+PLACE = np.array([40.0, -7.0, 3.0])
+
+
+def sphere(radius: float = 1.0) -> TriangleMesh:
+    vertices, triangles = mesh_arrays(TriangleMesh.create_icosahedron().subdivide_midpoint(4))
+    return triangle_mesh(radius * geometry.unit(vertices) + PLACE, triangles)
+
+
+def hemisphere() -> TriangleMesh:
+    vertices, triangles = mesh_arrays(sphere())
+    return triangle_mesh(vertices, triangles[vertices[triangles].mean(axis=1)[:, 2] > PLACE[2]])
+
+
+def box(size: float) -> TriangleMesh:
+    return TriangleMesh.create_box(size, size, size).translate(PLACE - size / 2.0)
+
+
+def arrays(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
+    """Points about the origin (n, 3) and normals (n, 3)."""
+    return np.asarray(cloud.points) - PLACE, np.asarray(cloud.normals)
+
+
+# points
+
+
+def test_samples_are_uniform_on_the_surface_and_face_outward() -> None:
+    points, normals = arrays(sampled_points(box(2.0), np.random.default_rng(0), 6000))
+    assert np.abs(points).max(axis=1) == pytest.approx(np.ones(6000))
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(np.ones(6000))
+    assert np.einsum("ij,ij->i", points, normals) == pytest.approx(np.ones(6000))
+    for face in np.concatenate([np.eye(3), -np.eye(3)]):
+        assert (normals @ face > 0.9).mean() == pytest.approx(1 / 6, abs=0.02)
+        inside = points[normals @ face > 0.9] @ np.roll(face, 1)
+        assert inside.std() == pytest.approx(3**-0.5, abs=0.03)
+
+
+def test_a_scan_without_noise_lies_on_the_surface() -> None:
+    points, normals = arrays(scanned_points(sphere(), np.random.default_rng(0), 3000, noise=0.0))
+    assert len(points) == 3000
+    radii = np.linalg.norm(points, axis=1)
+    assert 0.995 < radii.min() <= radii.max() <= 1.0 + 1e-9
+    assert (np.einsum("ij,ij->i", points, normals) > 0.99).all()
+
+
+def test_scan_noise_has_its_standard_deviation() -> None:
+    points, normals = arrays(scanned_points(box(2.0), np.random.default_rng(0), 4000, noise=0.002, views=200))
+    off = np.einsum("ij,ij->i", points, normals) - 1.0  # along the line of sight, which slants by the angle a
+    sigma = 0.002 * 2.0 * 3**0.5
+    assert off.std() == pytest.approx(sigma * 0.5**0.5, rel=0.1)  # mean of cos^2 a, weighted by cos a, is 1/2
+
+
+def test_scanners_do_not_see_what_is_hidden() -> None:
+    vertices, triangles = mesh_arrays(sphere(0.5))
+    outer, outer_triangles = mesh_arrays(box(2.0))
+    nested = triangle_mesh(np.r_[vertices, outer], np.r_[triangles, outer_triangles + len(vertices)])
+    points, _ = arrays(scanned_points(nested, np.random.default_rng(0), 2000, noise=0.0))
+    assert np.linalg.norm(points, axis=1).min() > 0.9
+
+
+def test_one_scanner_sees_one_side() -> None:
+    _, normals = arrays(scanned_points(sphere(), np.random.default_rng(0), 2000, noise=0.0, views=1))
+    towards = normals.mean(axis=0)
+    assert np.linalg.norm(towards) == pytest.approx(2 / 3, abs=0.03)  # mean cosine, seen in proportion to the cosine
+    assert (normals @ towards).min() > -0.05
+
+
+def test_a_surface_that_faces_nobody_is_refused() -> None:
+    vertices, triangles = mesh_arrays(box(1.0))
+    inside_out = triangle_mesh(vertices, triangles[:, ::-1])  # its near walls hide the far ones, which face the scanner
+    with pytest.raises(MeshError, match=r"sees anything.*inside out"):
+        scanned_points(inside_out, np.random.default_rng(0), 200)
+
+
+# surfaces
+
+
+@pytest.mark.parametrize(
+    ("spec", "bound"),
+    [
+        ("resample:cells=24", 0.02),
+        ("poisson:points=4000,depth=5", 0.02),
+        ("rescan:points=4000,depth=5,noise=0.001", 0.03),
+        ("rescan:points=4000,surface=pivot,noise=0.0005", 0.015),
+    ],
+)
+def test_a_sphere_comes_back_as_a_sphere(spec: str, bound: float) -> None:
+    mesh = ATTACKS.make(spec)(sphere(), 0)
+    vertices, triangles = mesh_arrays(mesh)
+    radii = np.linalg.norm(vertices - PLACE, axis=1)
+    assert np.abs(radii - 1.0).max() < bound
+    assert geometry.areas(vertices, triangles).sum() == pytest.approx(4.0 * np.pi, rel=0.05)
+    outward = np.einsum("ij,ij->i", geometry.area_vectors(vertices, triangles), vertices[triangles[:, 0]] - PLACE)
+    assert (outward > 0).mean() > 0.99
+
+
+@pytest.mark.parametrize("spec", ["resample:cells=24", "poisson:points=4000,depth=5", "rescan:points=4000,depth=5"])
+def test_resampled_surfaces_are_closed_where_the_input_is(spec: str) -> None:
+    mesh = ATTACKS.make(spec)(sphere(), 0)
+    assert not geometry.border_vertices(mesh_arrays(mesh)[1], len(mesh.vertices)).any()
+
+
+def test_what_no_sample_supports_is_trimmed() -> None:
+    trimmed = ATTACKS.make("poisson:points=4000,depth=5,trim=0.03")(hemisphere(), 0)
+    closed = ATTACKS.make("poisson:points=4000,depth=5,trim=0")(hemisphere(), 0)
+    areas = [geometry.areas(*mesh_arrays(mesh)).sum() for mesh in (trimmed, closed)]
+    assert areas[0] == pytest.approx(2.0 * np.pi, rel=0.12)
+    assert areas[1] > 1.3 * areas[0]
+
+
+def test_resampling_has_the_cells_it_is_told() -> None:
+    vertices, triangles = mesh_arrays(ATTACKS.make("resample:cells=10")(sphere()))
+    edges = vertices[geometry.edges(triangles)]
+    lengths = np.abs(np.diff(edges, axis=1)).max(axis=(1, 2))
+    assert lengths.max() == pytest.approx(0.2, rel=0.2)  # MeshLab rounds the number of cells on its grown box
