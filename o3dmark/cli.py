@@ -200,7 +200,6 @@ def saliency(
     """Mesh saliency of a mesh or a point cloud."""
     from o3dmark.files import read_shape
     from o3dmark.saliency import Saliency
-    from o3dmark.view import save_scalars
 
     try:
         measure = Saliency(scales=tuple(float(scale) for scale in scales.split(",")), epsilon=epsilon)
@@ -210,7 +209,7 @@ def saliency(
     values = measure(shape)
     seconds = _since(started)
     if out is not None:
-        save_scalars(out, shape, values, title="saliency")
+        _save_scalars(out, shape, values)
     stats = {"min": float(values.min()), "max": float(values.max()), "mean": float(values.mean())}
     _print({"output": None if out is None else str(out), **stats, "seconds": seconds}, json)
 
@@ -218,16 +217,25 @@ def saliency(
 @app.command()
 def view(
     meshes: Annotated[list[Path], typer.Argument(metavar="MESH...", help="One or more meshes.")],
-    scalars: Annotated[str | None, typer.Option(help="'saliency', or 'distance' from the first mesh.")] = None,
+    scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
     json: Json = False,
 ) -> None:
-    """Look at meshes, in a window or, without a display, as a picture."""
-    from o3dmark import view as seeing
+    """Look at meshes side by side, in a window or, without a display, as a picture."""
     from o3dmark.files import read_mesh
+    from o3dmark.view import Panel, save_png, sheet, show
 
     shapes = [read_mesh(path) for path in meshes]
-    raise NotImplementedError(seeing, shapes, scalars, png, json)
+    values = _scalars(scalars, shapes)
+    if png is None:
+        show(shapes, values)
+    else:
+        panels = [
+            Panel(path.name, shape, scalars=value, bar=scalars or "")
+            for path, shape, value in zip(meshes, shapes, values, strict=True)
+        ]
+        save_png(png, sheet(panels, columns=min(len(panels), 3)))
+    _print({"output": None if png is None else str(png), "meshes": [str(path) for path in meshes]}, json)
 
 
 @app.command()
@@ -342,6 +350,40 @@ def _registry(kind: str) -> Any:
     if kind not in kinds:
         raise SpecError(f"no list of {kind!r}; there is {', '.join(kinds)}")
     return kinds[kind]
+
+
+def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
+    """For each mesh the values to colour it by, or None."""
+    if kind is None:
+        return [None] * len(shapes)
+    if kind == "saliency":
+        from o3dmark.saliency import Saliency
+
+        return [Saliency()(shape) for shape in shapes]
+    if kind == "distance":
+        from o3dmark.mesh import Surface, mesh_arrays
+        from o3dmark.metrics.closest import closest_points
+
+        first = Surface.of(shapes[0])
+        distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]
+        return [None, *distances]
+    raise SpecError(f"--scalars is saliency or distance, not {kind!r}")
+
+
+def _save_scalars(out: Path, shape: Any, values: Any) -> None:
+    """Saliency as a picture, as numbers (numpy) or as the colours of the mesh or cloud it belongs to."""
+    import numpy as np
+
+    from o3dmark.files import replacing, write_shape
+    from o3dmark.view import coloured, render_scalars, save_png
+
+    if out.suffix.lower() == ".png":
+        save_png(out, render_scalars(shape, values, "saliency"))
+    elif out.suffix.lower() == ".npy":
+        with replacing(out) as draft:
+            np.save(draft, values)
+    else:
+        write_shape(out, coloured(shape, values))
 
 
 def _cost(cover: Any, marked: Any) -> dict[str, float | None]:

@@ -88,6 +88,18 @@ def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
             raise MeshError(f"Open3D could not write {path.name}")
 
 
+def write_shape(path: str | Path, shape: TriangleMesh | PointCloud) -> None:
+    """Write a mesh as `write_mesh` does, or a point cloud as binary PLY. Errors as there."""
+    if not isinstance(shape, o3d.geometry.PointCloud):
+        write_mesh(path, shape)
+        return
+    if Path(path).suffix.lower() != ".ply":
+        raise MeshError(f"cannot write {Path(path).name}: a point cloud is written as .ply")
+    with replacing(path) as draft, _quiet():
+        if not o3d.io.write_point_cloud(str(draft), shape):
+            raise MeshError(f"Open3D could not write {Path(path).name}")
+
+
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary path of the same name that takes the place of ``path`` when the block ends well, and else is removed.
@@ -141,8 +153,10 @@ def _read_obj(path: Path) -> TriangleMesh:
         elif words[0] == b"f":
             try:
                 corners = [int(word.split(b"/", 1)[0]) for word in words[1:]]
+                if 0 in corners:  # OBJ counts from 1
+                    raise ValueError
             except ValueError:
-                raise MeshError(f"{path.name}, line {number}: a face has a corner that is no number") from None
+                raise MeshError(f"{path.name}, line {number}: a face has a corner that is no vertex number") from None
             corners = [corner - 1 if corner > 0 else len(positions) + corner for corner in corners]
             triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
         elif words[0] == b"vt":
@@ -155,14 +169,17 @@ def _read_obj(path: Path) -> TriangleMesh:
 
 
 def _coloured_mesh(path: Path, rows: list[list[bytes]], triangles: list[tuple[int, int, int]]) -> TriangleMesh:
+    if not rows:
+        raise MeshError(f"{path.name} holds no mesh")
     try:
         numbers = np.array([row if len(row) == 6 else row[:3] for row in rows], np.float64).reshape(len(rows), -1)
-        if len(rows) and numbers.shape[1] not in (3, 6):
+        if numbers.shape[1] not in (3, 6):
             raise ValueError
     except ValueError:
         raise MeshError(f"{path.name}: a vertex is not three numbers, or three and a colour") from None
-    if not len(rows):
-        raise MeshError(f"{path.name} holds no mesh")
+    for corner in itertools.chain.from_iterable(triangles):
+        if not 0 <= corner < len(rows):
+            raise MeshError(f"{path.name}: a face names a vertex that is not among its {len(rows)} vertices")
     mesh = triangle_mesh(numbers[:, :3], np.array(triangles, np.int64).reshape(-1, 3))
     if numbers.shape[1] == 6 and np.isfinite(numbers[:, 3:]).all():
         mesh.vertex_colors = o3d.utility.Vector3dVector(numbers[:, 3:])
@@ -179,7 +196,9 @@ def _announced(path: Path) -> tuple[int, int]:
         words = re.sub(rb"#[^\n]*", b"", start).split()
         if len(words) < 3 or not words[0].upper().endswith(b"OFF") or not (words[1] + words[2]).isdigit():
             raise MeshError(f"{path.name} does not begin like an OFF file")
-        return int(words[1]), int(words[2])
+        vertices, faces = int(words[1]), int(words[2])
+        _enough(path, 6 * vertices + 2 * faces)
+        return vertices, faces
     return 0, 0
 
 
@@ -187,16 +206,22 @@ def _ply_counts(path: Path, start: bytes) -> tuple[int, int]:
     head, found, _ = start.partition(b"end_header")
     if not start.startswith(b"ply") or not found:
         raise MeshError(f"{path.name} does not begin like a PLY file")
-    counts, least = {"vertex": 0, "face": 0}, len(head) + len(b"end_header\n")
-    binary, element = b"format ascii" not in head, ""
+    counts, least, element = {"vertex": 0, "face": 0}, len(head) + len(b"end_header"), ""
+    sizes = _PLY_SIZES if b"format ascii" not in head else dict.fromkeys(_PLY_SIZES, 2)  # a digit and a space
     for line in head.decode("ascii", "replace").splitlines():
         match line.split():
             case ["element", element, count]:
                 counts[element] = int(count) if count.isdigit() else 0
-            case ["property", "list", count_type, item_type, _]:
-                least += counts[element] * (_PLY_SIZES.get(count_type, 1) + 3 * _PLY_SIZES.get(item_type, 1))
+            case ["property", "list", count_type, item_type, name]:
+                corners = 3 if name.startswith("vertex_ind") else 0  # other lists may be empty
+                least += counts[element] * (sizes.get(count_type, 1) + corners * sizes.get(item_type, 1))
             case ["property", kind, _]:
-                least += counts[element] * _PLY_SIZES.get(kind, 1)
-    if binary and path.stat().st_size < least:
-        raise MeshError(f"{path.name} is truncated: {path.stat().st_size} bytes, its header announces {least} or more")
+                least += counts[element] * sizes.get(kind, 1)
+    _enough(path, least)
     return counts["vertex"], counts["face"]
+
+
+def _enough(path: Path, least: int) -> None:
+    """Refuse a file too small for the counts in its header, before memory is taken for them."""
+    if path.stat().st_size < least:
+        raise MeshError(f"{path.name} is truncated: {path.stat().st_size} bytes, its header announces {least} or more")

@@ -78,6 +78,11 @@ class Surface:
         return geometry.diagonal(self.vertices)
 
     @cached_property
+    def multiplicity(self) -> Ints:
+        """How many of the mesh's vertices lie at each vertex (n,): one, but at seams and after a coarse rounding."""
+        return np.bincount(self.origin[self.origin >= 0], minlength=len(self.vertices)).astype(np.int64)
+
+    @cached_property
     def centroid(self) -> Floats:
         """Centre of mass (3,) of the surface."""
         return geometry.area_centroid(self.vertices, self.triangles)

@@ -52,7 +52,8 @@ _SMOOTHINGS = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
 class Spherical:
     """A surface in spherical coordinates about the mean of its vertices.
 
-    norms (n,) are over ``unit``, the mean distance to ``centre`` (3,); directions (n, 3) have length one.
+    norms (n,) are over ``unit``, the mean distance to ``centre`` (3,); directions (n, 3) have length one. A vertex
+    counts as often in both means as ``counts`` (n,) says; once by default.
     """
 
     centre: Floats
@@ -61,10 +62,10 @@ class Spherical:
     directions: Floats
 
     @classmethod
-    def of(cls, surface: Surface) -> "Spherical":
-        centre = surface.vertices.mean(axis=0)
+    def of(cls, surface: Surface, counts: Ints | None = None) -> "Spherical":
+        centre = np.average(surface.vertices, axis=0, weights=counts)
         distance = np.linalg.norm(surface.vertices - centre, axis=1)
-        unit = float(distance.mean())
+        unit = float(np.average(distance, weights=counts))
         return cls(centre, unit, distance / unit, geometry.unit(surface.vertices - centre))
 
     def vertices(self, norms: Floats) -> Floats:
@@ -86,6 +87,16 @@ class Carriers:
         return Carriers(self.vertex[kept], self.bit[kept], self.dither[kept])
 
 
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """What the reader takes a mesh to have gone through: the mesh with that undone, and how to order its vertices."""
+
+    note: str
+    surface: Surface
+    passes: int
+    counts: Ints | None = None
+
+
 @METHODS.register("saliency-scs")
 @dataclass(frozen=True)
 class SaliencySCS(Method):
@@ -102,7 +113,7 @@ class SaliencySCS(Method):
     salient: Literal["count", "range"] = option("count", "share of the vertices, or saliency >= (1 - share) max")
     sigma: float = option(2.0, "fine scale of the saliency, in units of epsilon")
     epsilon: float = option(0.003, "unit of sigma, over the bounding-box diagonal")
-    passes: int = option(2, "averages of the normal norms over the neighbours (sphere)")
+    passes: int = option(8, "averages of the normal norms over the neighbours (sphere)")
     search: bool = option(True, "let the reader undo subdivision and smoothing (sphere)")
 
     def __post_init__(self) -> None:
@@ -123,7 +134,8 @@ class SaliencySCS(Method):
         if len(message) > (fits := self.capacity(mesh)):
             raise CapacityError(len(message), fits, f"{_LEAST_VERTICES_A_BIT} salient vertices a bit")
         salient = self.salient_set(self.saliency(surface))
-        carriers = self._order(surface, salient, len(message), key, self.passes).among(salient)
+        guess = Guess("as received", surface, self.passes)
+        carriers = self._order(guess, salient, len(message), key).among(salient)
         spherical = Spherical.of(surface)
 
         def reconstructed(step: float) -> Floats:
@@ -147,19 +159,20 @@ class SaliencySCS(Method):
         saliency = self.saliency(received)
         salient, trust = self.salient_set(saliency), self._trust(saliency)
         best, least, tried, clear = Extraction(np.zeros(n_bits), note="nothing agrees with the key"), 0.0, 0, False
-        for note, surface, passes in self._hypotheses(received):
+        for guess in self._guesses(received):
             if reference is None:
-                carriers = self._order(surface, salient, n_bits, key, passes)
+                carriers = self._order(guess, salient, n_bits, key)
             else:
-                carriers = self._order_of_cover(Surface.of(reference), surface, n_bits, key)
-            steps = self._steps(surface, salient)
-            vectors = _agreement(Spherical.of(surface).norms, carriers, trust, steps, n_bits)
+                carriers = self._order_of_cover(Surface.of(reference), received, n_bits, key)
+            steps = self._steps(guess.surface, salient)
+            norms = Spherical.of(guess.surface, guess.counts).norms
+            vectors = _agreement(norms, carriers, trust, steps, n_bits)
             log_p = coherence_log10p(vectors)
             tried += len(steps)
             better = log_p.min() < least
             if better:
                 least, rung = float(log_p.min()), int(log_p.argmin())
-                best = Extraction(-vectors[rung].real, note=f"{note}, step {steps[rung]:.5f}")
+                best = Extraction(-vectors[rung].real, note=f"{guess.note}, step {steps[rung]:.5f}")
                 clear = _coherence(vectors[rung]) > _CLEAR
             if least + np.log10(tried) < _SETTLED and (clear or not better):
                 break
@@ -181,15 +194,16 @@ class SaliencySCS(Method):
             return np.asarray(saliency >= (1.0 - self.share) * saliency.max())
         return _places(-saliency) < self.share * len(saliency)
 
-    def _order(self, surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key, passes: int) -> Carriers:
+    def _order(self, guess: Guess, salient: NDArray[np.bool_], n_bits: int, key: Key) -> Carriers:
         """Vertices in the descending order of their normal norms, and the bit and the dither that each place gives."""
         if self.sync != "sphere":
-            return _by_rank(surface, salient, n_bits, key)
-        sphere = surface.moved(Spherical.of(surface).directions)
+            return _by_rank(guess.surface, salient, n_bits, key)
+        sphere = guess.surface.moved(Spherical.of(guess.surface, guess.counts).directions)
         norms = np.linalg.norm(sphere.vertex_area_vectors, axis=1)
-        for _ in range(passes):
-            norms = surface.neighbour_mean @ norms
-        bit = _places(-norms) * n_bits // len(norms)
+        for _ in range(guess.passes):
+            norms = guess.surface.neighbour_mean @ norms
+        counts = np.ones(len(norms), np.int64) if guess.counts is None else guess.counts
+        bit = _places(-norms, counts) * n_bits // counts.sum()
         return Carriers(np.arange(len(norms)), bit, key.stream("saliency-scs/sphere").uniform(n_bits)[bit])
 
     def _order_of_cover(self, cover: Surface, received: Surface, n_bits: int, key: Key) -> Carriers:
@@ -212,13 +226,15 @@ class SaliencySCS(Method):
             return np.ones(len(saliency))
         return np.asarray(1.0 / (1.0 + np.exp((_places(-saliency) / len(saliency) - self.share) / 0.1)))
 
-    def _hypotheses(self, received: Surface) -> Iterator[tuple[str, Surface, int]]:
-        """(what was done to the mesh, the mesh with that undone, averages of the normal norms), likeliest first."""
-        yield "as received", received, self.passes
+    def _guesses(self, received: Surface) -> Iterator[Guess]:
+        """What may have been done to the mesh, likeliest first."""
+        yield Guess("as received", received, self.passes)
         if self.sync == "sphere" and self.search:
-            yield "subdivided once", received, _FINER * self.passes
+            if received.multiplicity.max() > 1:
+                yield Guess("rounded until vertices met", received, self.passes, received.multiplicity)
+            yield Guess("subdivided once", received, _FINER * self.passes)
             for steps, surface in zip(_SMOOTHINGS, unsmooth(received, _SMOOTHINGS), strict=True):
-                yield f"smoothed {steps} times", surface, self.passes
+                yield Guess(f"smoothed {steps} times", surface, self.passes)
 
 
 def _by_rank(surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key) -> Carriers:
@@ -229,10 +245,12 @@ def _by_rank(surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key
     return Carriers(vertex, np.arange(len(vertex)) % n_bits, key.stream("saliency-scs/rank").uniform(len(vertex)))
 
 
-def _places(values: Floats) -> Ints:
-    """The place (n,) of each value in the ascending order."""
+def _places(values: Floats, counts: Ints | None = None) -> Ints:
+    """The place (n,) of each value in the ascending order, when each stands ``counts`` (n,) times in it, or once."""
+    order = np.argsort(values, kind="stable")
+    sizes = np.ones(len(values), np.int64) if counts is None else counts[order]
     places = np.empty(len(values), np.int64)
-    places[np.argsort(values, kind="stable")] = np.arange(len(values))
+    places[order] = np.cumsum(sizes) - sizes
     return places
 
 
