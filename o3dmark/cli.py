@@ -288,6 +288,33 @@ def list_(
     Console(soft_wrap=not sys.stdout.isatty()).print(table)
 
 
+@app.command()
+def bench(
+    spec: Annotated[Path, typer.Argument(metavar="SPEC.toml", help="The campaign; see scripts/campaigns.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where rows go; what is there is not repeated.")],
+    workers: Annotated[int | None, typer.Option(metavar="N", help="Processes; by default one a core.")] = None,
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of processes.")] = None,
+    meshes: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the campaign's real meshes.")] = None,
+    json: Json = False,
+) -> None:
+    """Run a campaign: every mesh marked by every method, attacked by everything, read. Interrupted, it can go on."""
+    from o3dmark.cli_bench import run_campaign
+
+    words = [f"o3dmark bench {spec} --out {out}"] + ([] if meshes is None else [f"--meshes {meshes}"])
+    _print(run_campaign(spec, out, workers, dask, meshes, " ".join(words)), json)
+
+
+@app.command()
+def report(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="What bench wrote to.")], json: Json = False
+) -> None:
+    """Write DIR/report.md and DIR/report.html: tables beside the paper's, curves, pictures."""
+    from o3dmark.report import write_report
+
+    markdown, page = write_report(directory)
+    _print({"markdown": str(markdown), "html": str(page)}, json)
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)

@@ -84,7 +84,11 @@ def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
     if path.suffix.lower() == ".stl" and not mesh.has_triangle_normals():
         mesh = TriangleMesh(mesh).compute_triangle_normals()
     with replacing(path) as draft, _quiet():
-        if not o3d.io.write_triangle_mesh(str(draft), mesh) or not draft.exists():
+        if path.suffix.lower() in (".glb", ".gltf"):  # what the legacy writer makes of these, no reader takes
+            written = o3d.t.io.write_triangle_mesh(str(draft), o3d.t.geometry.TriangleMesh.from_legacy(mesh))
+        else:
+            written = o3d.io.write_triangle_mesh(str(draft), mesh)
+        if not written or not draft.exists():
             raise MeshError(f"Open3D could not write {path.name}")
 
 
@@ -164,8 +168,18 @@ def _read_obj(path: Path) -> TriangleMesh:
     if textured:
         mesh = _open3d_mesh(path)
         if len(mesh.triangles) == len(triangles):
-            return mesh
+            return _without_empty_textures(mesh)
     return _coloured_mesh(path, positions, triangles)
+
+
+def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
+    """Open3D gives every material of an OBJ file a texture, if only an empty one, and next to such it writes none."""
+    full = [number for number, texture in enumerate(mesh.textures) if not texture.is_empty()]
+    used = np.asarray(mesh.triangle_material_ids)
+    if full and np.isin(used, full).all():
+        mesh.textures = [mesh.textures[number] for number in full]
+        mesh.triangle_material_ids = o3d.utility.IntVector(np.searchsorted(full, used).astype(np.int32))
+    return mesh
 
 
 def _coloured_mesh(path: Path, rows: list[list[bytes]], triangles: list[tuple[int, int, int]]) -> TriangleMesh:

@@ -11,7 +11,8 @@ where each S_i is first divided by its maximum M_i, and m_i is the mean of its o
 maps with many equal peaks). A local maximum is higher than all its neighbours, by edges on a mesh and among the six
 nearest points in a cloud. Curvature is Taubin's mean curvature, so its sign matters and the winding should be coherent.
 
-Saliency has no unit; the bounding box is the axis-aligned one, so a rotation changes epsilon a little.
+Lee's saliency has no unit, that of one scale the unit of curvature. The bounding box is the axis-aligned one, so a
+rotation changes epsilon a little.
 """
 
 import os

@@ -36,5 +36,13 @@ def spot() -> TriangleMesh:
 
 
 @pytest.fixture(scope="session")
+def carrier() -> TriangleMesh:
+    """The synthetic bust of data_synthetic: 8 857 vertices. Do not change it."""
+    from o3dmark.files import read_mesh
+
+    return read_mesh(ROOT / "data_synthetic" / "bimba.ply")
+
+
+@pytest.fixture(scope="session")
 def key() -> Key:
     return Key(bytes(range(32)))

@@ -26,6 +26,7 @@ LAYERS = """
     watermark
     campaign
     report view
+    cli_bench
     cli
     o3dmark
 """
@@ -36,6 +37,7 @@ DOORS = {
     "finufft": {"spectrum"},
     "matplotlib": {"report", "view"},
     "typer": {"cli"},
+    "distributed": {"campaign.pool"},
 }
 
 

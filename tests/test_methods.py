@@ -9,19 +9,11 @@ import pytest
 from o3dmark.attacks import attack_all
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.keys import Key
-from o3dmark.mesh import mesh_arrays, triangle_mesh
+from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Method
 from o3dmark.registry import spec_of
 
 pytestmark = pytest.mark.parametrize("name", list(METHODS))
-CARRIER = "bimba"  # the synthetic shape that carries the marks here
-
-
-@pytest.fixture(scope="module")
-def carrier() -> Any:
-    from o3dmark.synthetic import make
-
-    return make(f"{CARRIER}:vertices=8857")
 
 
 def bits_of(seed: int, n: int = 16) -> np.ndarray:
@@ -65,9 +57,7 @@ def test_a_wrong_key_reads_noise(name: str, carrier: Any, key: Key) -> None:
 
 
 def test_too_many_bits_say_how_many_fit(name: str, key: Key) -> None:
-    from o3dmark.synthetic import make
-
-    small = make("cube")
+    small = TriangleMesh.create_sphere(resolution=8)
     method = METHODS.make(name)
     fits = method.capacity(small)
     with pytest.raises(CapacityError, match=str(fits)) as caught:

@@ -18,13 +18,6 @@ from o3dmark.registry import spec_of
 BITS = np.unpackbits(np.frombuffer(hashlib.sha256(b"bits").digest(), np.uint8))
 
 
-@pytest.fixture(scope="module")
-def carrier() -> Any:
-    from o3dmark.synthetic import make
-
-    return make("bimba:vertices=8857")
-
-
 def test_spherical_coordinates_give_the_vertices_back(spot: Any) -> None:
     surface = Surface.of(spot)
     spherical = Spherical.of(surface)

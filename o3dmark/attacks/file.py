@@ -74,8 +74,6 @@ class Reformat(Attack):
             path = Path(folder) / f"mesh.{self.format.removesuffix('-ascii')}"
             if self.format == "ply-ascii":
                 o3d.io.write_triangle_mesh(str(path), legacy(mesh), write_ascii=True)
-            elif self.format == "glb":  # what the legacy writer makes, no reader takes
-                o3d.t.io.write_triangle_mesh(str(path), o3d.t.geometry.TriangleMesh.from_legacy(legacy(mesh)))
             else:
                 files.write_mesh(path, legacy(mesh))
             return files.read_mesh(path)

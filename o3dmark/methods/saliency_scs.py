@@ -43,7 +43,7 @@ LADDER = 0.2 * 1.05 ** -np.arange(80.0)  # steps over the mean vertex norm, from
 _LEAST_VERTICES_A_BIT = 16
 _MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
 _SETTLED = -6.0  # log10 of the p-value below which the reader looks no further, unless the next try may be better:
-_CLEAR = 0.9  # the coherence above which it cannot be
+_CLEAR = 0.97  # the coherence above which it cannot be
 _FINER = 4  # a 1-to-4 subdivision halves the edges, so four times as many averages reach as far
 _SMOOTHINGS = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
 
@@ -139,10 +139,11 @@ class SaliencySCS(Method):
         spherical = Spherical.of(surface)
 
         def reconstructed(step: float) -> Floats:
-            norms = spherical.norms.copy()
-            values, dither = norms[carriers.vertex], step * carriers.dither
-            norms[carriers.vertex] = ScalarCosta(step, self.gamma).embed(values, message[carriers.bit], dither)
-            return spherical.vertices(norms)
+            scs, moved = ScalarCosta(step, self.gamma), carriers.vertex
+            vertices, norms = surface.vertices.copy(), spherical.norms.copy()
+            norms[moved] = scs.embed(norms[moved], message[carriers.bit], step * carriers.dither)
+            vertices[moved] = spherical.vertices(norms)[moved]  # the others keep every bit of their coordinates
+            return vertices
 
         for step in self._steps(surface, salient):  # the largest first
             vertices = reconstructed(step)

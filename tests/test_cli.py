@@ -1,0 +1,220 @@
+"""The command line: JSON contract, exit codes, secrets kept, nothing half written."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from o3dmark.cli import app, main
+from o3dmark.files import write_mesh
+from o3dmark.mesh import TriangleMesh
+
+MESSAGE = "o3d!"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, carrier: Any) -> Path:
+    """A folder with a key, a cover, and the cover marked with MESSAGE."""
+    from o3dmark.keys import Key
+    from o3dmark.watermark import Watermark
+
+    path = tmp_path_factory.mktemp("cli")
+    key, cover = Key.generate(), carrier
+    key.save(path / "owner.key")
+    write_mesh(path / "cover.ply", cover)
+    write_mesh(path / "marked.ply", Watermark().embed(cover, MESSAGE, key))
+    return path
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, Any, str]:
+    """Exit code, parsed stdout (None where it is no JSON) and stderr of a command."""
+    with pytest.raises(SystemExit) as leave:
+        main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    try:
+        return int(leave.value.code or 0), json.loads(out), err
+    except json.JSONDecodeError:
+        return int(leave.value.code or 0), None, err
+
+
+def test_keygen_makes_a_private_key_and_keeps_an_old_one(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "a.key"
+    assert run(capsys, "keygen", file, "--json")[:2] == (0, {"output": str(file)})
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    before = file.read_text()
+    code, result, err = run(capsys, "keygen", file, "--json")
+    assert (code, result["error"], file.read_text()) == (3, "KeyFileError", before)
+    assert before.strip()[-64:] not in err
+
+
+def test_embed_and_extract(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    out, key = tmp_path / "out.ply", folder / "owner.key"
+    code, result, _ = run(capsys, "embed", folder / "cover.ply", out, "--key", key, "--message", MESSAGE, "--json")
+    assert code == 0
+    assert out.exists()
+    wanted = "output method n_bits message mrms hausdorff max_displacement verified seconds".split()  # noqa: SIM905
+    assert set(wanted) <= set(result)
+    assert result["verified"] is True
+    assert 0 < result["mrms"] <= 6e-4
+    assert result["mrms"] < result["hausdorff"] <= result["max_displacement"] * 1.001
+    code, result, _ = run(capsys, "extract", out, "--key", key, "--json")
+    assert code == 0
+    wanted = "found message bits soft corrected_bits p_value method seconds".split()  # noqa: SIM905
+    assert set(wanted) <= set(result)
+    assert (result["found"], result["message"], result["corrected_bits"]) == (True, MESSAGE, 0)
+    assert len(result["bits"]) == len(result["soft"]) == 64
+    assert result["bits"] == "".join("1" if soft > 0 else "0" for soft in result["soft"])
+
+
+def test_raw_bits(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    out, key, bits = tmp_path / "out.ply", folder / "owner.key", "0110100110010110"
+    assert run(capsys, "embed", folder / "cover.ply", out, "--key", key, "--bits", bits)[0] == 0
+    code, result, _ = run(capsys, "extract", out, "--key", key, "--n-bits", 16, "--raw", "--json")
+    assert (code, result["bits"]) == (0, bits)
+
+
+def test_detect_says_yes_and_no(folder: Path, capsys: Any) -> None:
+    mesh, key = folder / "marked.ply", folder / "owner.key"
+    code, result, _ = run(capsys, "detect", mesh, "--key", key, "--message", MESSAGE, "--json")
+    assert (code, result["present"], result["matches"], result["n_bits"]) == (0, True, 64, 64)
+    assert result["p_value"] <= result["false_positive_rate"] == 1e-6
+    code, result, _ = run(capsys, "detect", mesh, "--key", key, "--message", "else", "--json")
+    assert (code, result["present"]) == (1, False)
+
+
+def test_a_wrong_key_is_a_no_without_a_message(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    run(capsys, "keygen", tmp_path / "other.key")
+    code, result, err = run(capsys, "extract", folder / "marked.ply", "--key", tmp_path / "other.key", "--json")
+    assert (code, result["found"], result["message"]) == (1, False, None)
+    assert MESSAGE not in err
+
+
+def test_what_cannot_be_read_back_is_not_kept(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "out.ply"
+    words = ("--message", MESSAGE, "--method", "saliency-scs:sync=rank", "--json")
+    code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", folder / "owner.key", *words)
+    assert (code, result["verified"], result["output"]) == (1, False, None)
+    assert "nothing was kept" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_cover_is_never_overwritten(folder: Path, capsys: Any) -> None:
+    before = (folder / "cover.ply").read_bytes()
+    words = ("--key", folder / "owner.key", "--message", MESSAGE, "--json")
+    code, result, _ = run(capsys, "embed", folder / "cover.ply", folder / "cover.ply", *words)
+    assert (code, result["error"]) == (2, "UsageError")
+    assert (folder / "cover.ply").read_bytes() == before
+
+
+def test_a_mesh_too_small(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    write_mesh(tmp_path / "small.ply", TriangleMesh.create_sphere(resolution=12))
+    words = ("--key", folder / "owner.key", "--message", MESSAGE, "--json")
+    code, result, _ = run(capsys, "embed", tmp_path / "small.ply", tmp_path / "out.ply", *words)
+    assert (code, result["error"]) == (3, "CapacityError")
+    assert "carries" in result["message"]
+    assert not (tmp_path / "out.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "error"),
+    [
+        (["extract", "nowhere.ply", "--key", "nokey", "--json"], 3, "KeyFileError"),
+        (["extract", "nowhere.ply", "--json"], 2, "UsageError"),
+        (["attack", "nowhere.ply", "out.ply", "tickle", "--json"], 2, "SpecError"),
+        (["attack", "nowhere.ply", "out.ply", "noise:loud=1", "--json"], 2, "SpecError"),
+        (["attack", "nowhere.ply", "out.ply", "identity", "--json"], 3, "MeshError"),
+        (["list", "nonsense", "--json"], 2, "SpecError"),
+        (["embed", "a.ply", "b.ply", "--key", "k", "--json"], 2, "UsageError"),
+        (["nonsense", "--json"], 2, "UsageError"),
+        (["synth", "unicorn", "out.ply", "--json"], 2, "SpecError"),
+    ],
+)
+def test_errors_are_one_line_and_one_object(
+    words: list[str], code: int, error: str, capsys: Any, tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    left, result, err = run(capsys, *words)
+    assert (left, result["error"]) == (code, error)
+    assert result["message"]
+    assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_attack_and_compare(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "attacked.ply"
+    specs = ("similarity", "noise:amplitude=0.001")
+    code, result, _ = run(capsys, "attack", folder / "marked.ply", out, *specs, "--seed", 4, "--json")
+    assert (code, result["vertices"]) == (0, 8857)
+    assert len(result["attacks"]) == 2
+    again = tmp_path / "again.ply"
+    run(capsys, "attack", folder / "marked.ply", again, *specs, "--seed", 4)
+    assert out.read_bytes() == again.read_bytes()
+    code, result, _ = run(capsys, "compare", folder / "cover.ply", folder / "marked.ply", "--json")
+    assert code == 0
+    assert {"mrms", "hausdorff", "msdm", "msdm2"} <= set(result)
+    simple = tmp_path / "simple.ply"
+    run(capsys, "attack", folder / "marked.ply", simple, "simplify:ratio=0.5")
+    code, result, _ = run(
+        capsys, "compare", folder / "cover.ply", simple, "--metric", "mrms", "--metric", "msdm", "--json"
+    )
+    assert (code, result["msdm"]) == (0, None)
+    assert result["mrms"] > 0
+
+
+def test_saliency_as_numbers_colours_and_picture(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    code, result, _ = run(capsys, "saliency", folder / "cover.ply", "--out", tmp_path / "s.npy", "--json")
+    assert code == 0
+    values = np.load(tmp_path / "s.npy")
+    assert (result["min"], result["max"]) == (values.min(), values.max())
+    for name in ("s.ply", "s.png"):
+        assert run(capsys, "saliency", folder / "cover.ply", "--scales", "2", "--out", tmp_path / name)[0] == 0
+        assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    png = tmp_path / "v.png"
+    words = (folder / "cover.ply", folder / "marked.ply", "--scalars", "distance")
+    assert run(capsys, "view", *words, "--png", png, "--json")[0] == 0
+    assert png.read_bytes().startswith(b"\x89PNG")
+    code, result, _ = run(capsys, "view", *words, "--json")
+    assert (code, result["error"]) == (3, "BackendError")
+
+
+@pytest.mark.parametrize("kind", ["methods", "attacks", "metrics", "codes", "shapes", "profiles"])
+def test_list_names_everything(kind: str, capsys: Any) -> None:
+    code, result, _ = run(capsys, "list", kind, "--json")
+    assert code == 0
+    assert result
+    assert run(capsys, "list", kind)[0] == 0
+
+
+def test_every_command_takes_json() -> None:
+    import typer.main
+
+    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+        assert "json" in {parameter.name for parameter in command.params}, name
+        assert command.help, name
+
+
+def test_as_a_program(tmp_path: Path) -> None:
+    """The installed command: exit code, and neither traceback nor chatter."""
+    program = Path(sys.executable).with_name("o3dmark")
+    done = subprocess.run(
+        [program, "extract", "nowhere.ply", "--key", "nokey"],
+        cwd=tmp_path,
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,118 @@
+"""Method and code together: what an owner embeds, a reader with the same key and profile reads, and nobody else."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from o3dmark.attacks import attack_all
+from o3dmark.errors import CapacityError, SpecError
+from o3dmark.keys import Key
+from o3dmark.mesh import TriangleMesh
+from o3dmark.methods import METHODS
+from o3dmark.payload import CODES
+from o3dmark.registry import to_dict
+from o3dmark.watermark import DEFAULT_PROFILE, PROFILES, Watermark, bit_text, parse_bits
+
+MESSAGE = "o3d!"
+
+
+@pytest.fixture(scope="module")
+def marked(carrier: Any, key: Key) -> Any:
+    return Watermark().embed(carrier, MESSAGE, key)
+
+
+def test_the_message_comes_back_blindly(marked: Any, key: Key) -> None:
+    attacked = attack_all(marked, ["similarity", "reorder", "noise:amplitude=0.001"], 1)
+    reading = Watermark().extract(attacked, key)
+    assert reading.found
+    assert reading.message == MESSAGE
+    assert reading.p_value < 1e-6
+    assert json.loads(json.dumps(reading.to_dict()))["message"] == MESSAGE
+
+
+def test_a_wrong_key_finds_nothing(marked: Any) -> None:
+    stranger = Key(bytes(31) + b"\1")
+    reading = Watermark().extract(marked, stranger)
+    assert not reading.found
+    assert reading.message is None
+    assert not Watermark().detect(marked, stranger, MESSAGE).present
+
+
+def test_an_unmarked_mesh_holds_nothing(carrier: Any, key: Key) -> None:
+    assert not Watermark().extract(carrier, key).found
+    assert not Watermark().detect(carrier, key, MESSAGE).present
+
+
+def test_knowing_the_message_sharpens_the_test(marked: Any, key: Key) -> None:
+    blind, known = Watermark().detect(marked, key), Watermark().detect(marked, key, MESSAGE)
+    assert blind.present
+    assert known.present
+    assert known.log10_p < blind.log10_p - 8
+    assert known.matches == known.n_bits == 64
+
+
+def test_another_message_is_not_there(marked: Any, key: Key) -> None:
+    assert not Watermark().detect(marked, key, "else").present
+
+
+def test_raw_bits_pass_by_the_code(carrier: Any, key: Key) -> None:
+    mark, bits = Watermark(n_bits=24), np.resize([1, 0, 0, 1, 1], 24)
+    extraction = mark.extract_bits(mark.embed_bits(carrier, bits, key), key)
+    np.testing.assert_array_equal(extraction.bits, bits)
+
+
+def test_a_mesh_too_small_says_how_many_bits_fit(key: Key) -> None:
+    small = TriangleMesh.create_sphere(resolution=12)
+    with pytest.raises(CapacityError) as caught:
+        Watermark().embed(small, MESSAGE, key)
+    assert 0 < caught.value.fits < 64
+    with pytest.raises(CapacityError):
+        Watermark().check_room(small)
+
+
+def test_a_message_too_long_says_what_it_takes(carrier: Any, key: Key) -> None:
+    with pytest.raises(SpecError, match="4 fit"):
+        Watermark().embed(carrier, "longer than four", key)
+
+
+def test_profiles_never_change() -> None:
+    """A published profile is a promise to old marks. Add new ones; never edit these lines."""
+    scs = {
+        "name": "saliency-scs",
+        "sync": "sphere",
+        "mrms": 6e-4,
+        "step": None,
+        "lam": None,
+        "gamma": 0.7,
+        "share": 0.7,
+        "salient": "count",
+        "sigma": 2.0,
+        "epsilon": 0.003,
+        "passes": 8,
+        "search": True,
+    }
+    frozen = {
+        "paper-2026": (scs, {"name": "random", "message_bytes": None}, 64),
+        "tiny-2026": (scs, {"name": "random", "message_bytes": 1}, 32),
+    }
+    for name, (method, code, n_bits) in frozen.items():
+        profile = PROFILES[name]
+        assert (to_dict(profile.method), to_dict(profile.code), profile.n_bits) == (method, code, n_bits)
+    assert DEFAULT_PROFILE in PROFILES
+
+
+def test_every_method_takes_every_code(key: Key) -> None:
+    for method in METHODS:
+        for code in CODES:
+            Watermark(METHODS.make(method), CODES.make(code)).to_dict()
+
+
+def test_bits_as_text() -> None:
+    assert bit_text(parse_bits("0110")) == "0110"
+    for wrong in ("", "012", "ab"):
+        with pytest.raises(SpecError):
+            parse_bits(wrong)
+    with pytest.raises(SpecError):
+        Watermark(n_bits=0)
