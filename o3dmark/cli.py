@@ -267,7 +267,7 @@ def list_(
         _print({name: each.to_dict() for name, each in registry.items()}, json)
         return
     columns = ("option", "type", "default", "meaning")
-    entries = {
+    entries: dict[str, Any] = {
         name: {
             "summary": (registry[name].__doc__ or "").strip().splitlines()[0],
             "options": [

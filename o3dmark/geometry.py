@@ -49,17 +49,23 @@ def unit(vectors: Floats) -> Floats:
 
 def edges(triangles: Ints) -> Ints:
     """Each undirected edge once (e, 2), the lower index first, in lexicographic order."""
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    return np.asarray(np.unique(pairs, axis=0))
+    return _edge_counts(triangles)[0]
 
 
 def border_vertices(triangles: Ints, n_vertices: int) -> NDArray[np.bool_]:
     """True (n,) at the vertices of an edge that only one triangle uses."""
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    unique, counts = np.unique(pairs, axis=0, return_counts=True)
+    pairs, counts = _edge_counts(triangles)
     mask = np.zeros(n_vertices, bool)
-    mask[unique[counts == 1].ravel()] = True
+    mask[pairs[counts == 1].ravel()] = True
     return mask
+
+
+def _edge_counts(triangles: Ints) -> tuple[Ints, Ints]:
+    """Each undirected edge (e, 2), as `edges` gives them, and how many triangles use it (e,)."""
+    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    base = int(pairs.max(initial=0)) + 1
+    keys, counts = np.unique(pairs[:, 0] * base + pairs[:, 1], return_counts=True)  # much faster than by rows
+    return np.stack([keys // base, keys % base], axis=1), counts
 
 
 def adjacency(triangles: Ints, n_vertices: int) -> sp.csr_array:

@@ -25,7 +25,8 @@ LAYERS = """
     methods attacks metrics
     watermark
     campaign
-    report view
+    view
+    report
     cli_bench
     cli
     o3dmark

@@ -85,7 +85,7 @@ def test_steps_may_be_undone_in_parts(closed):
     assert error(fraction, closed) < error(received, closed)
 
 
-@pytest.mark.parametrize(("steps", "gain"), [(30, 2.0), (30, 10.0), (70, 10.0), (70, 100.0)])
+@pytest.mark.parametrize(("steps", "gain"), [(30, 5.0), (30, 10.0), (70, 10.0), (70, 100.0)])
 def test_the_gain_is_the_most_that_any_detail_is_amplified_by(closed, steps, gain):
     """The greatest amplification, by power iteration, in the norm weighed by the degrees (there all is symmetric)."""
     degree = np.diff(geometry.adjacency(closed.triangles, len(closed.vertices)).indptr)[:, None]
@@ -93,7 +93,7 @@ def test_the_gain_is_the_most_that_any_detail_is_amplified_by(closed, steps, gai
     for _ in range(12):
         detail = detail / rms(np.sqrt(degree) * detail)
         detail = unsmooth(closed.moved(detail), [steps], gain=gain)[0].vertices
-    assert 0.9 * gain < rms(np.sqrt(degree) * detail) < 1.02 * gain
+    assert 0.9 * gain < rms(np.sqrt(degree) * detail) < 1.03 * gain
 
 
 def test_more_gain_restores_more_and_amplifies_more(closed):

@@ -159,7 +159,7 @@ class SaliencySCS(Method):
         received = Surface.of(mesh)
         saliency = self.saliency(received)
         salient, trust = self.salient_set(saliency), self._trust(saliency)
-        best, least, tried, clear = Extraction(np.zeros(n_bits), note="nothing agrees with the key"), 0.0, 0, False
+        best, least, tried, clear = Extraction(np.zeros(n_bits)), np.inf, 0, False
         for guess in self._guesses(received):
             if reference is None:
                 carriers = self._order(guess, salient, n_bits, key)
