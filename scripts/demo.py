@@ -21,9 +21,9 @@ from o3dmark.view import comparison_sheet, render_scalars, save_png
 JOURNEYS = {  # what happens to copies of the marked mesh; the last is the one that must be read
     "nothing": [],
     "0.3 % noise": ["noise:amplitude=0.003"],
-    "quantisation to 10 bits": ["quantise:bits=10"],
-    "Laplacian smoothing, 30 iterations": ["smooth:iterations=30"],
-    "similarity + reordering + 0.1 % noise": ["similarity", "reorder", "noise:amplitude=0.001"],
+    "10-bit quantisation": ["quantise:bits=10"],
+    "30 steps of smoothing": ["smooth:iterations=30"],
+    "similarity, reordering, 0.1 % noise": ["similarity", "reorder", "noise:amplitude=0.001"],
 }
 
 
@@ -42,7 +42,7 @@ def main() -> int:
     write_mesh(options.out / "marked.ply", marked)
 
     console = Console()
-    table = Table("what happened to the marked mesh", "message", "corrected", "p-value", "seconds", box=None)
+    table = Table("what happened to it", "message", "corrected", "p-value", "seconds", box=None)
     for journey, attacks in JOURNEYS.items():
         attacked = attack_all(marked, attacks, 1)
         begun = time.perf_counter()

@@ -1,75 +1,89 @@
-"""Make the synthetic stand-ins for the paper's models, and the manifest that says what they are.
+"""Makes the synthetic test meshes, or checks that the ones here are what the generator makes.
 
-    python scripts/make_synthetic.py [NAME...] [--large] [--check]
+    python scripts/make_synthetic.py                all of them, the large ones into data_synthetic/large
+    python scripts/make_synthetic.py cat horse      only these
+    python scripts/make_synthetic.py --check        make them again and compare; exit code 1 when one differs
 
-The small ones go to data_synthetic/ and are kept in the repository; --large also makes bunny, horse and venus, in
-data_synthetic/large/, which is not. --check builds the kept ones anew and compares them with the files: the same
-triangles, the same vertices to 1e-9 (bit for bit only under the same versions of the libraries).
+manifest.json holds, for each file, the spec that makes it, its counts, and a digest of its geometry.
 """
 
 import argparse
 import hashlib
 import json
 import sys
-from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import open3d as o3d
 
 from o3dmark.files import read_mesh, write_mesh
-from o3dmark.mesh import mesh_arrays
-from o3dmark.registry import to_dict
+from o3dmark.mesh import TriangleMesh, mesh_arrays
+from o3dmark.registry import spec_of
 from o3dmark.synthetic import SHAPES
 
+SMALL = ("ant", "bimba", "cat", "cup", "flower", "vase")  # kept in the repository
+LARGE = ("bunny", "horse", "venus")  # made on demand
 FOLDER = Path(__file__).parent.parent / "data_synthetic"
-SMALL = ("flower", "vase", "cup", "ant", "cat", "bimba")
-LARGE = ("bunny", "horse", "venus")
+TOLERANCE = 1e-9
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="only these")
-    parser.add_argument("--large", action="store_true", help="bunny, horse and venus too")
-    parser.add_argument("--check", action="store_true", help="compare, write nothing")
-    options = parser.parse_args()
-    names = options.names or (SMALL + LARGE if options.large else SMALL)
-    if options.check:
-        wrong = [name for name in names if not is_as_built(name)]
-        print(f"differs: {', '.join(wrong)}" if wrong else "as built")
-        return int(bool(wrong))
-    entries = {name: made(name) for name in names}
-    manifest = FOLDER / "manifest.json"
-    kept = json.loads(manifest.read_text()) if manifest.exists() else {}
-    kept |= {name: entry for name, entry in entries.items() if name in SMALL}
-    manifest.write_text(json.dumps(kept, indent=2, sort_keys=True) + "\n")
-    return 0
+def digest(mesh: TriangleMesh) -> str:
+    """SHA-256 of the vertices, rounded to the tolerance, and of the triangles."""
+    vertices, triangles = mesh_arrays(mesh)
+    steps = np.rint(vertices / TOLERANCE).astype("<i8")
+    return hashlib.sha256(steps.tobytes() + triangles.astype("<i4").tobytes()).hexdigest()
 
 
-def path_of(name: str) -> Path:
-    return (FOLDER if name in SMALL else FOLDER / "large") / f"{name}.ply"
-
-
-def made(name: str) -> dict[str, object]:
-    """Build a shape, write it, and say what it is."""
-    shape, path = SHAPES.make(name), path_of(name)
-    mesh = shape.build()
-    path.parent.mkdir(exist_ok=True)
-    write_mesh(path, mesh)
-    print(f"{path.name}: {len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles")
+def entry(spec: str, mesh: TriangleMesh) -> dict[str, Any]:
+    """What the manifest says of one mesh."""
+    shape = SHAPES.make(spec)
     return {
-        "generator": to_dict(shape),
+        "spec": spec_of(shape),
+        "seed": shape.seed,
         "vertices": len(mesh.vertices),
         "triangles": len(mesh.triangles),
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "open3d": version("open3d"),
-        "numpy": version("numpy"),
+        "sha256": digest(mesh),
+        "open3d": o3d.__version__,
+        "numpy": np.__version__,
     }
 
 
-def is_as_built(name: str) -> bool:
-    vertices, triangles = mesh_arrays(read_mesh(path_of(name)))
-    fresh, fresh_triangles = mesh_arrays(SHAPES.make(name).build())
-    return np.array_equal(triangles, fresh_triangles) and bool(np.abs(vertices - fresh).max() < 1e-9)
+def differs(mesh: TriangleMesh, path: Path, expected: dict[str, Any]) -> str:
+    """In what a newly made mesh is not the one in the file (or, without a file, in the manifest); empty if in nothing."""
+    if not path.exists():
+        return "" if digest(mesh) == expected["sha256"] else "its digest"
+    made, kept = mesh_arrays(mesh), mesh_arrays(read_mesh(path))
+    if len(made[0]) != len(kept[0]) or not np.array_equal(made[1], kept[1]):
+        return "its triangles"
+    return "" if np.abs(made[0] - kept[0]).max() <= TOLERANCE else "its vertices"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SMALL + LARGE)}; all by default")
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    options = parser.parse_args()
+    if unknown := set(options.names) - set(SMALL + LARGE):
+        parser.error(f"no mesh is called {', '.join(sorted(unknown))}")
+    manifest_path = FOLDER / "manifest.json"
+    manifest = json.loads(manifest_path.read_text()) if manifest_path.exists() else {}
+    failures = 0
+    for name in options.names or SMALL + LARGE:
+        file = f"{name}.ply" if name in SMALL else f"large/{name}.ply"
+        mesh = SHAPES.make(name).build()
+        verdict = f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles"
+        if options.check:
+            problem = differs(mesh, FOLDER / file, manifest[file]) if file in manifest else "everything: not in the manifest"
+            verdict = f"differs in {problem}" if problem else "the same"
+            failures += bool(problem)
+        else:
+            (FOLDER / file).parent.mkdir(exist_ok=True)
+            write_mesh(FOLDER / file, mesh)
+            manifest[file] = entry(name, mesh)
+            manifest_path.write_text(json.dumps(manifest, indent=2, sort_keys=True) + "\n")
+        print(f"{file}: {verdict}", flush=True)
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":

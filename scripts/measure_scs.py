@@ -30,11 +30,9 @@ ATTACKS = [
     *(f"smooth:iterations={iterations}" for iterations in (5, 10, 30, 50)),
     *(f"subdivide:scheme={scheme}" for scheme in ("loop", "midpoint", "sqrt3")),
 ]
-COLUMNS = (
-    "mesh,vertices,method,n_bits,seed,mrms,hausdorff,attack,corr,bit_errors,hypotheses,note,embed_s,extract_s".split(
-        ","
-    )
-)
+COLUMNS = """
+    mesh vertices method n_bits seed mrms hausdorff attack corr bit_errors hypotheses note embed_s extract_s
+""".split()  # noqa: SIM905
 
 
 def main() -> None:

@@ -6,9 +6,11 @@ Between `<!-- table: attacks -->` and `<!-- end -->` stands what this script wri
 """
 
 import argparse
+import csv
 import inspect
 import sys
 from pathlib import Path
+from statistics import mean
 
 import typer.main
 
@@ -16,7 +18,8 @@ from o3dmark import ATTACKS, CODES, METHODS, METRICS, SHAPES
 from o3dmark.cli import app
 from o3dmark.registry import Registry, describe
 
-README = Path(__file__).parent.parent / "README.md"
+ROOT = Path(__file__).parent.parent
+README, RESULTS = ROOT / "README.md", ROOT / "results" / "saliency_scs.csv"
 
 
 def main() -> int:
@@ -32,7 +35,8 @@ def main() -> int:
 
 def rewritten(text: str) -> str:
     """The README with its tables made anew."""
-    tables = {name: registry_table(each) for name, each in registries().items()} | {"commands": commands_table()}
+    tables = {name: registry_table(each) for name, each in registries().items()}
+    tables |= {"commands": commands_table(), "saliency-scs results": results_table()}
     for name, table in tables.items():
         begin, end = f"<!-- table: {name} -->\n", "<!-- end -->"
         if begin in text:
@@ -69,6 +73,26 @@ def commands_table() -> str:
         usage = " ".join([name, *map(str, arguments)])
         rows.append(f"| `{usage}` | {cell(flowing(command.help or ''))} | {cell('<br>'.join(options)) or '-'} |")
     return "\n".join(rows) + "\n"
+
+
+def results_table() -> str:
+    """Mean Corr of 64 bits on each mesh, and the least of 16 bits on all of them, from results/saliency_scs.csv."""
+    with RESULTS.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    meshes, attacks = (list(dict.fromkeys(row[name] for row in rows)) for name in ("mesh", "attack"))
+
+    def corr(attack: str, n_bits: str, mesh: str | None = None) -> list[float]:
+        wanted = [row for row in rows if (row["attack"], row["n_bits"]) == (attack, n_bits)]
+        return [float(row["corr"]) for row in wanted if mesh in (None, row["mesh"])]
+
+    lines = [
+        f"| attack | {' | '.join(f'{mesh}, 64 bits' for mesh in meshes)} | least of all, 16 bits |",
+        "|---|" + "--:|" * (len(meshes) + 1),
+    ]
+    for attack in attacks:
+        cells = [f"{mean(corr(attack, '64', mesh)):.2f}" for mesh in meshes] + [f"{min(corr(attack, '16')):.2f}"]
+        lines.append(f"| `{attack}` | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def flowing(doc: str) -> str:

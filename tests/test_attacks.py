@@ -5,8 +5,8 @@ import contextlib
 import numpy as np
 import open3d as o3d
 import pytest
-from conftest import SHARED
 
+from conftest import SHARED
 from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, Attack, attack_all
 from o3dmark.errors import MeshError, O3dmarkError, SpecError

@@ -11,9 +11,9 @@ Provenance of tests/golden/saliency_spot.npz (2026-11-22, a row a vertex of spot
 
 import numpy as np
 import pytest
-from conftest import GOLDEN
 from test_geometry import icosphere
 
+from conftest import GOLDEN
 from o3dmark import geometry
 from o3dmark.curvature import of_points, taubin
 from o3dmark.files import read_mesh

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import open3d as o3d
 import pytest
-from conftest import GOLDEN
 
+from conftest import GOLDEN
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh

@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import open3d as o3d
 import pytest
-from conftest import GOLDEN
 
+from conftest import GOLDEN
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh

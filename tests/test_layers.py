@@ -19,7 +19,9 @@ LAYERS = """
     geometry registry
     mesh keys
     files
-    curvature spectrum scs registration unsmooth
+    curvature spectrum scs registration unfilter solid cloud curved
+    moments
+    frame
     saliency detection synthetic
     payload
     methods attacks metrics

@@ -4,11 +4,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 import scipy.sparse as sp
-from conftest import GOLDEN
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 from test_geometry import icosphere
 
+from conftest import GOLDEN
 from o3dmark import curvature, geometry
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh

@@ -37,7 +37,7 @@ from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.registry import option
 from o3dmark.saliency import Saliency
 from o3dmark.scs import ScalarCosta, coherence_log10p
-from o3dmark.unsmooth import unsmooth
+from o3dmark.unfilter import Unfilter, umbrella
 
 LADDER = 0.2 * 1.05 ** -np.arange(80.0)  # steps over the mean vertex norm, from 0.2 down to 0.004
 _LEAST_VERTICES_A_BIT = 16
@@ -45,6 +45,7 @@ _MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
 _SETTLED = -6.0  # log10 of the p-value below which the reader looks no further, unless the next try may be better:
 _CLEAR = 0.97  # the coherence above which it cannot be
 _FINER = 4  # a 1-to-4 subdivision halves the edges, so four times as many averages reach as far
+_STRENGTH, _GAIN = 0.1, 1000.0  # of the benchmark's smoothing; how much of it the reader dares to undo
 _SMOOTHINGS = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
 
 
@@ -234,7 +235,9 @@ class SaliencySCS(Method):
             if received.multiplicity.max() > 1:
                 yield Guess("rounded until vertices met", received, self.passes, received.multiplicity)
             yield Guess("subdivided once", received, _FINER * self.passes)
-            for steps, surface in zip(_SMOOTHINGS, unsmooth(received, _SMOOTHINGS), strict=True):
+            unfilter = Unfilter(received)
+            for steps in _SMOOTHINGS:
+                surface = received.moved(unfilter.undo(umbrella(steps, _STRENGTH), _GAIN))
                 yield Guess(f"smoothed {steps} times", surface, self.passes)
 
 

@@ -1,163 +1,158 @@
-"""Simple solids with known areas, volumes and curvatures: the fixtures of tests, regular and symmetric on purpose."""
+"""Simple solids, regularly meshed: fixtures whose area, volume, genus and symmetry are known."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from o3dmark import geometry
 from o3dmark.geometry import Floats, Ints
 from o3dmark.mesh import TriangleMesh, triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES, Shape
 
+_SQUARE = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+_TETRAHEDRON = (
+    np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]) / 3**0.5,
+    np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
+)
 
-@SHAPES.register("tetrahedron")
+
 @dataclass(frozen=True)
-class Tetrahedron(Shape):
-    """Four vertices of the cube [-1, 1]^3: the smallest closed mesh."""
+class Primitive(Shape):
+    """A solid with as many vertices as its regular mesh allows near the number asked for."""
 
-    def build(self) -> TriangleMesh:
-        vertices = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
-        return triangle_mesh(vertices, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
-
-
-@SHAPES.register("grid")
-@dataclass(frozen=True)
-class Grid(Shape):
-    """The square [-1, 1]^2 in the plane z = 0, facing +z: open, flat everywhere."""
-
-    cells: int = option(20, "squares along a side")
+    vertices: int = option(2500, "about how many vertices")
 
     def __post_init__(self) -> None:
-        _at_least(1, cells=self.cells)
-
-    def build(self) -> TriangleMesh:
-        x = np.linspace(-1.0, 1.0, self.cells + 1)
-        points = np.stack([*np.meshgrid(x, x, indexing="ij"), np.zeros((len(x), len(x)))], axis=-1)
-        return triangle_mesh(points.reshape(-1, 3), _quads(len(x), len(x)))
+        if self.vertices < 4:
+            raise ValueError("vertices must be at least 4")
 
 
 @SHAPES.register("cube")
 @dataclass(frozen=True)
-class Cube(Shape):
-    """The surface of [-1, 1]^3 in squares of two triangles."""
-
-    cells: int = option(10, "squares along an edge")
-
-    def __post_init__(self) -> None:
-        _at_least(1, cells=self.cells)
+class Cube(Primitive):
+    """The cube [-1, 1]^3, each face a grid of squares cut in two."""
 
     def build(self) -> TriangleMesh:
-        return _welded(*_cube_faces(np.linspace(-1.0, 1.0, self.cells + 1)))
+        corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        return triangle_mesh(*_divided(corners, faces, self.vertices))
 
 
 @SHAPES.register("sphere")
 @dataclass(frozen=True)
-class Sphere(Shape):
-    """The unit sphere: a cube's grid with equal angles between its lines, pushed out along the radii."""
-
-    cells: int = option(20, "squares along an edge of the cube")
-
-    def __post_init__(self) -> None:
-        _at_least(1, cells=self.cells)
+class Sphere(Primitive):
+    """The unit sphere: an icosahedron whose faces are divided, 10 f^2 + 2 vertices."""
 
     def build(self) -> TriangleMesh:
-        vertices, triangles = _cube_faces(np.tan(np.linspace(-np.pi / 4, np.pi / 4, self.cells + 1)))
-        mesh = _welded(vertices, triangles)
-        points = np.asarray(mesh.vertices)
-        return triangle_mesh(points / np.linalg.norm(points, axis=1, keepdims=True), np.asarray(mesh.triangles))
+        return triangle_mesh(*_sphere(self.vertices))
+
+
+@SHAPES.register("tetrahedron")
+@dataclass(frozen=True)
+class Tetrahedron(Primitive):
+    """The regular tetrahedron inscribed in the unit sphere, its faces divided."""
+
+    vertices: int = option(4, "about how many vertices")
+
+    def build(self) -> TriangleMesh:
+        return triangle_mesh(*_divided(*_TETRAHEDRON, self.vertices))
+
+
+@SHAPES.register("plane")
+@dataclass(frozen=True)
+class Plane(Primitive):
+    """The square [-1, 1]^2 at z = 0, seen from +z: an open grid."""
+
+    def build(self) -> TriangleMesh:
+        frequency = max(1, round(self.vertices**0.5 - 1))
+        return triangle_mesh(*_subdivided(*_SQUARE, frequency))
 
 
 @SHAPES.register("torus")
 @dataclass(frozen=True)
-class Torus(Shape):
-    """A tube about the z axis: genus 1, volume 2 pi^2 radius tube^2."""
+class Torus(Primitive):
+    """A ring about the y axis: genus 1."""
 
-    radius: float = option(1.0, "from the axis to the middle of the tube")
-    tube: float = option(0.4, "radius of the tube")
-    cells: int = option(40, "squares around the axis; half as many around the tube")
-
-    def __post_init__(self) -> None:
-        _at_least(6, cells=self.cells)
-        if not 0 < self.tube < self.radius:
-            raise ValueError("tube must lie between 0 and radius")
+    radius: float = option(0.7, "from the axis to the middle of the ring")
+    thickness: float = option(0.3, "radius of the ring itself")
 
     def build(self) -> TriangleMesh:
-        u, v = np.meshgrid(_turn(self.cells), _turn(self.cells // 2), indexing="ij")
-        ring = self.radius + self.tube * np.cos(v)
-        points = np.stack([ring * np.cos(u), ring * np.sin(u), self.tube * np.sin(v)], axis=-1)
-        return triangle_mesh(points.reshape(-1, 3), _quads(*u.shape, wrap=(True, True)))
+        around = max(3, round((self.vertices * self.radius / self.thickness) ** 0.5))
+        across = max(3, round(self.vertices / around))
+        u, v = np.meshgrid(_turn(around), _turn(across), indexing="ij")
+        reach = self.radius + self.thickness * np.cos(v)
+        points = np.stack([reach * np.cos(u), self.thickness * np.sin(v), reach * np.sin(u)], axis=-1)
+        return triangle_mesh(points.reshape(-1, 3), _wrapped(around, across, True))
 
 
 @SHAPES.register("cylinder")
 @dataclass(frozen=True)
-class Cylinder(Shape):
-    """A closed cylinder about the y axis, radius 1, from y = -1 to 1, with flat caps around one vertex each."""
-
-    cells: int = option(40, "squares around, and half as many along")
-
-    def __post_init__(self) -> None:
-        _at_least(6, cells=self.cells)
+class Cylinder(Primitive):
+    """The closed cylinder of radius 0.5 and height 2 about the y axis, its lids fans."""
 
     def build(self) -> TriangleMesh:
-        turn, rows = _turn(self.cells), np.linspace(-1.0, 1.0, self.cells // 2 + 1)
-        y, a = np.meshgrid(rows, turn, indexing="ij")
-        side = np.stack([np.cos(a), y, -np.sin(a)], axis=-1).reshape(-1, 3)
-        quads = _quads(*y.shape, wrap=(False, True))[:, ::-1]
-        low, high = np.arange(self.cells), np.arange(self.cells) + len(side) - self.cells
-        bottom, top = len(side), len(side) + 1
-        caps = [
-            np.stack([np.full(self.cells, bottom), np.roll(low, -1), low], axis=1),
-            np.stack([np.full(self.cells, top), high, np.roll(high, -1)], axis=1),
-        ]
-        return triangle_mesh(np.vstack([side, [[0, -1, 0], [0, 1, 0]]]), np.vstack([quads, *caps]))
+        around = max(3, round((1.6 * self.vertices) ** 0.5))
+        rings = max(2, round((self.vertices - 2) / around))
+        y, angle = np.meshgrid(np.linspace(-1.0, 1.0, rings), _turn(around), indexing="ij")
+        wall = np.stack([0.5 * np.cos(angle), y, 0.5 * np.sin(angle)], axis=-1).reshape(-1, 3)
+        low, high = len(wall), len(wall) + 1
+        i = np.arange(around)
+        j = (i + 1) % around
+        top = around * (rings - 1)
+        lids = [np.stack([0 * i + low, i, j], axis=1), np.stack([0 * i + high, top + j, top + i], axis=1)]
+        points = np.concatenate([wall, [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]])
+        return triangle_mesh(points, np.concatenate([_wrapped(rings, around, False), *lids]))
 
 
-@SHAPES.register("two-spheres")
+@SHAPES.register("two_spheres")
 @dataclass(frozen=True)
-class TwoSpheres(Shape):
-    """Two separate spheres of radius 1 and 1/2 side by side: two components."""
-
-    cells: int = option(12, "squares along an edge of each sphere's cube")
+class TwoSpheres(Primitive):
+    """A ball of radius 1 and, apart from it, one of radius 0.6: two components."""
 
     def build(self) -> TriangleMesh:
-        one = Sphere(self.cells).build()
-        return one + TriangleMesh(one).scale(0.5, (0.0, 0.0, 0.0)).translate((2.0, 0.0, 0.0))
+        large, faces = _sphere(self.vertices // 2)
+        points = np.concatenate([large, 0.6 * large + [2.0, 0.3, -0.2]])
+        return triangle_mesh(points, np.concatenate([faces, faces + len(large)]))
+
+
+def _sphere(n_vertices: int) -> tuple[Floats, Ints]:
+    golden = (1.0 + 5.0**0.5) / 2.0
+    corners = np.array([[0.0, s, t * golden] for s in (-1, 1) for t in (-1, 1)])
+    corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
+    near = np.linalg.norm(corners[:, None] - corners, axis=2) < 2.1
+    faces = [[a, b, c] for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    outward = [face if np.linalg.det(corners[face]) > 0 else face[::-1] for face in faces]
+    vertices, triangles = _divided(corners, np.array(outward), n_vertices)
+    return geometry.unit(vertices), triangles
+
+
+def _divided(corners: Floats, faces: Ints, n_vertices: int) -> tuple[Floats, Ints]:
+    """A closed solid of F faces divided so that F f^2 / 2 + 2 is near ``n_vertices``."""
+    return _subdivided(corners, faces, max(1, round((2.0 * (n_vertices - 2) / len(faces)) ** 0.5)))
+
+
+def _subdivided(corners: Floats, faces: Ints, frequency: int) -> tuple[Floats, Ints]:
+    """Each triangle cut into frequency^2, vertices on shared edges merged."""
+    rows = np.array([[i, j] for i in range(frequency + 1) for j in range(frequency + 1 - i)])
+    place = {(i, j): n for n, (i, j) in enumerate(rows.tolist())}
+    small = [[place[i, j], place[i + 1, j], place[i, j + 1]] for i, j in place if i + j < frequency]
+    small += [[place[i + 1, j], place[i + 1, j + 1], place[i, j + 1]] for i, j in place if i + j < frequency - 1]
+    weights = np.stack([frequency - rows.sum(axis=1), rows[:, 0], rows[:, 1]], axis=1) / frequency
+    points = (weights @ corners[faces]).reshape(-1, 3)
+    triangles = (np.array(small) + len(rows) * np.arange(len(faces))[:, None, None]).reshape(-1, 3)
+    kept, position = geometry.weld(np.round(points, 12))  # a shared point is computed twice, not always equally
+    return points[kept], position[triangles]
+
+
+def _wrapped(rows: int, columns: int, closed: bool) -> Ints:
+    """Triangles of a grid of points that closes on itself along its columns, and along its rows if ``closed``."""
+    i, j = np.meshgrid(np.arange(rows if closed else rows - 1), np.arange(columns), indexing="ij")
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    c, d = ((i + 1) % rows) * columns + (j + 1) % columns, ((i + 1) % rows) * columns + j
+    return np.concatenate([np.stack([a, d, c], axis=-1), np.stack([a, c, b], axis=-1)]).reshape(-1, 3)
 
 
 def _turn(count: int) -> Floats:
-    return np.asarray(np.arange(count) * (2.0 * np.pi / count), np.float64)
-
-
-def _quads(rows: int, columns: int, wrap: tuple[bool, bool] = (False, False)) -> Ints:
-    """Triangles (2 q, 3) of a grid of vertices in row-major order, optionally closed along either direction."""
-    i, j = np.meshgrid(np.arange(rows - (not wrap[0])), np.arange(columns - (not wrap[1])), indexing="ij")
-    a, b = i * columns + j, (i + 1) % rows * columns + j
-    c, d = (i + 1) % rows * columns + (j + 1) % columns, i * columns + (j + 1) % columns
-    return np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3).astype(np.int64)
-
-
-def _cube_faces(lines: Floats) -> tuple[Floats, Ints]:
-    """Six separate grids on the faces of [-1, 1]^3, with grid lines at ``lines``, wound outward."""
-    u, v = (axis.ravel() for axis in np.meshgrid(lines, lines, indexing="ij"))
-    face, quads = np.ones_like(u), _quads(len(lines), len(lines))
-    vertices: list[Floats] = []
-    triangles: list[Ints] = []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            points = np.empty((len(u), 3))
-            points[:, axis], points[:, (axis + 1) % 3], points[:, (axis + 2) % 3] = sign * face, u, v
-            triangles.append((quads if sign > 0 else quads[:, ::-1]) + len(vertices) * len(u))
-            vertices.append(points)
-    return np.vstack(vertices), np.vstack(triangles)
-
-
-def _welded(vertices: Floats, triangles: Ints) -> TriangleMesh:
-    """Vertices that fall together, up to rounding, made one."""
-    _, first, place = np.unique(np.round(vertices, 9), axis=0, return_index=True, return_inverse=True)
-    return triangle_mesh(vertices[first], place.ravel()[triangles])
-
-
-def _at_least(least: int, **counts: int) -> None:
-    for name, count in counts.items():
-        if count < least:
-            raise ValueError(f"{name} must be at least {least}, not {count}")
+    return np.arange(count) * (2.0 * np.pi / count)

@@ -3,9 +3,9 @@
 import numpy as np
 import pymeshlab
 import pytest
-from conftest import GOLDEN
 from test_msdm import msdm_slowly
 
+from conftest import GOLDEN
 from o3dmark.files import read_mesh
 from o3dmark.mesh import mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance

@@ -1,0 +1,60 @@
+"""Campaigns at the command line: which executor, and the bar that says how long it will take."""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from o3dmark.errors import SpecError
+
+
+def run_campaign(
+    spec: Path, out: Path, workers: int | None, dask: str | None, meshes: Path | None, command: str
+) -> dict[str, Any]:
+    """Run what ``out`` lacks of the campaign in ``spec``; what `bench` prints at the end."""
+    from o3dmark.campaign import Campaign, run
+
+    started, rows, failures, done = time.perf_counter(), 0, 0, 0
+    campaign = Campaign.read(spec, meshes)
+    with _executor(workers, dask) as (executor, size), _bar() as bar:
+        task = bar.add_task(campaign.title, total=None)
+        for event in run(campaign, out, executor, in_flight=2 * size, command=command):
+            rows, done = rows + len(event.rows), event.done
+            failures += sum(row["failure"] is not None for row in event.rows)
+            bar.update(task, total=event.total, completed=event.done, description=_doing(campaign.title, event.job))
+    seconds = round(time.perf_counter() - started, 1)
+    return {"output": str(out), "jobs": done, "new_rows": rows, "failures": failures, "seconds": seconds}
+
+
+@contextmanager
+def _executor(workers: int | None, dask: str | None) -> Iterator[tuple[Any, int]]:
+    """The executor and how many jobs it runs at a time."""
+    from o3dmark.campaign import dask_cluster, process_pool
+
+    if dask is not None:
+        if workers is not None:
+            raise SpecError("give either --workers or --dask: a cluster has the workers that it has")
+        with dask_cluster(dask) as cluster:
+            yield cluster
+        return
+    size = os.cpu_count() or 1 if workers is None else workers
+    if size < 1:
+        raise SpecError(f"--workers should be 1 or more, not {size}")
+    with process_pool(size) as pool:
+        yield pool, size
+
+
+def _bar() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    return Progress(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not sys.stderr.isatty())
+
+
+def _doing(title: str, job: Any) -> str:
+    return title if job is None else f"{title}: {job.mesh.name}, {job.label}"

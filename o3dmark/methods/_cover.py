@@ -1,0 +1,101 @@
+"""Moving a surface so that its projections take given values: the least motion, by Newton's method.
+
+The answer of the projections to the motion of each vertex along its normal has two parts: that of the projections in a
+fixed frame, and that of the frame, which is derived from the mesh and moves with it.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from o3dmark import geometry
+from o3dmark.frame import rules
+from o3dmark.geometry import Floats
+from o3dmark.mesh import Surface
+from o3dmark.methods._projections import Projections
+from o3dmark.solid import Solid, samples
+from o3dmark.spectrum import Spectrum
+
+_SPLIT = 0.35  # longest edge of a quadrature triangle, over the shortest wavelength
+_POINT = 0.05  # edges below which one point a triangle will do, over the shortest wavelength
+_NEWTON_STEPS = 8
+_MANY = 60_000  # samples above which the answer of the projections is lumped at the vertices
+
+
+def spectrum_of(projections: Projections, seen: Solid, *, gradient: bool = False) -> Spectrum:
+    """The spectrum of a solid as seen in its frame."""
+    shortest = projections.band.shortest
+    q = samples(seen, _SPLIT * shortest, _POINT * shortest)
+    return Spectrum.of(projections.band, q.points, q.area_vectors, gradient=gradient)
+
+
+class Cover:
+    """A mesh about to be marked: its frame, its projections, and what it costs to change them."""
+
+    def __init__(self, projections: Projections, surface: Surface) -> None:
+        self.projections, self.surface, self.solid = projections, surface, Solid.of(surface)
+        self.rule = rules(self.solid)[0]
+        self.frame = self.rule.frames(self.solid)[0]
+        self._normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
+        self._seen = self.frame.solid(self.solid)
+        self._spectrum = spectrum_of(projections, self._seen, gradient=True)
+        self.values = projections(self._spectrum.values)
+
+    @cached_property
+    def response(self) -> Floats:
+        """Change of each projection as each vertex moves by one unit of the frame along its normal: (K, n)."""
+        normals = self.frame.directions(self._normals)
+        direct = _direct_response(self.projections, self._seen, normals)
+        frame = self.rule.response(self.solid, self.frame, self._normals)
+        return (direct + self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.free
+
+    @cached_property
+    def _mobility(self) -> Floats:
+        """How far a vertex goes for a given pull (n,): the inverse of its area, so that the RMS motion is the least."""
+        area = self._seen.vertex_areas
+        return np.where(self.solid.free, 1.0 / np.maximum(area, 1e-3 * area.mean()), 0.0)
+
+    @cached_property
+    def _pull(self) -> Floats:
+        """The pulls (K, K) that change one projection by one each."""
+        return np.asarray(np.linalg.inv((self.response * self._mobility) @ self.response.T))
+
+    @cached_property
+    def cost(self) -> Floats:
+        """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
+        return np.asarray(self._pull * self.frame.scale**2 / self._seen.vertex_areas.sum())
+
+    def changed(self, change: Floats, accuracy: float) -> tuple[Floats, float]:
+        """Vertices (n, 3) whose projections differ from the cover's by ``change`` (K,), and the largest error left.
+
+        The values are those that a reader will measure: in the moved mesh's own frame.
+        """
+        target, pull = self.values + change, np.zeros(len(change))
+        error, best = change, (np.array(self.surface.vertices), float(np.abs(change).max()))
+        for _ in range(_NEWTON_STEPS):
+            pull = pull + self._pull @ error
+            motion = self.frame.scale * self._mobility * (pull @ self.response)
+            vertices = self.surface.vertices + motion[:, None] * self._normals
+            solid = self.solid.moved(vertices)
+            seen = self.rule.near(solid, self.frame).solid(solid)
+            error = target - self.projections(spectrum_of(self.projections, seen).values)
+            missed = float(np.abs(error).max())
+            if missed < best[1]:
+                best = vertices, missed
+            if missed < accuracy or missed > 2.0 * best[1]:
+                break
+        return best
+
+
+def _direct_response(projections: Projections, seen: Solid, normals: Floats) -> Floats:
+    """Change of the projections (K, n) in a fixed frame: the integral of each function times a vertex's motion."""
+    q, n = samples(seen, _SPLIT * projections.band.shortest), len(seen.free)
+    if len(q.points) > _MANY:
+        lumped = np.einsum("vd,vd->v", seen.vertex_area_vectors, normals)
+        return projections.functions(seen.vertices[:n]) * lumped
+    mine = q.corners < n
+    speed = np.einsum("qd,qcd->qc", q.area_vectors, normals[np.where(mine, q.corners, 0)]) * q.weights
+    place = np.broadcast_to(np.arange(len(q.points))[:, None], q.corners.shape)
+    hats = sp.csr_array((speed[mine], (place[mine], q.corners[mine])), shape=(len(q.points), n))
+    return np.asarray((hats.T @ projections.functions(q.points).T).T)

@@ -1,0 +1,127 @@
+"""The mark in function space: the scalar Costa scheme on random projections of the Fourier transform of the solid.
+
+    TriangleMesh -> solid -> canonical frame -> spectrum -> keyed projections -> codewords
+                 -> the least motion of the surface that takes the projections there -> TriangleMesh
+
+and back: the reader measures the same projections. Each is an integral over the solid, so vertices, their order, their
+number and their noise hardly matter. Nothing but the key and the options is shared: the quantisation step lies on a
+ladder that the reader walks, and the frame follows from the mesh in hand.
+
+What an attack does to the projections is, in the main, to disturb the frame, to flatten the surface between the
+vertices that are left, and to smooth it. The reader therefore tries, in this order and until a reading is beyond doubt:
+
+    as received    the values as they are; then with the frame's seven parameters fitted
+    bulging        with one more parameter: how far the surface bulges out between its vertices
+    mirrored       and every other way in which the axes may lie
+    unsmoothed     the surface before 1, 2, 3 ... passes of umbrella, Taubin or HC smoothing, by their inverse
+
+A reading is judged by how near its values are to codewords of either bit, a statistic that has a p-value for every
+mesh (see `scs.coherence_log10p`). The judgement looks at the values modulo half a period only; given those, under a
+wrong key, each bit remains a fair coin. All the readings tried are counted nevertheless.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from o3dmark.cloud import surface_of_cloud
+from o3dmark.errors import CapacityError, MeshError
+from o3dmark.geometry import Floats
+from o3dmark.keys import Key
+from o3dmark.mesh import PointCloud, Surface, with_vertices
+from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods._codewords import cheapest_change
+from o3dmark.methods._cover import Cover
+from o3dmark.methods._projections import Projections
+from o3dmark.methods._reader import Reader
+from o3dmark.registry import option
+from o3dmark.solid import Solid, normal_rms
+from o3dmark.spectrum import Band
+
+LADDER = 1.07 ** np.arange(14.0, -15.0, -1.0)  # of steps, around the one that the options suggest, largest first
+_SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; lengths over the radius of gyration
+_LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
+_VERTICES_A_BIT = 8
+_MOST_BITS = 128
+_EXACT = 1e-3  # of a step: where Newton's method may stop
+
+
+@METHODS.register("shape-spectrum")
+@dataclass(frozen=True)
+class ShapeSpectrum(Method):
+    """SCS on keyed projections of the Fourier transform of the solid; blind, and indifferent to the triangulation."""
+
+    claims = (
+        "identity",
+        "reorder",
+        "similarity",
+        "noise:amplitude=0.003",
+        "quantise:bits=9",
+        "smooth:iterations=10",
+        "subdivide",
+        "simplify:ratio=0.5",
+    )
+
+    mrms: float = option(6e-4, "distortion aimed at, over the bounding-box diagonal; the ladder's middle hangs on it")
+    lowest: float = option(4.0, "longest waves used, as the number that fit in the box")
+    highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
+    box: float = option(6.0, "side of the box, over the radius of gyration")
+    slack: float = option(0.04, "how far from its codeword a value may stay, in steps: less distortion, less margin")
+    search: bool = option(True, "let the reader fit the frame and undo smoothing")
+
+    def __post_init__(self) -> None:
+        if not (self.mrms > 0 and self.box > 0 and 0 < self.lowest < self.highest <= 40 and 0 <= self.slack < 0.25):
+            raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
+
+    def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
+        """See `Method.embed`. The strongest step of the ladder that keeps within ``mrms`` is taken."""
+        surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
+        if len(message) > (fits := self.capacity(mesh)):
+            raise CapacityError(len(message), fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
+        cover = Cover(self.projections(key, len(message)), surface)
+        wanted = np.resize(message, len(cover.projections)).astype(np.float64)
+        limit = planned = self.mrms * surface.diagonal
+        for step in self.steps(len(message)):
+            change = cheapest_change(cover.values, wanted, cover.projections.dither, step, cover.cost, self.slack)
+            if (plan := float(np.sqrt(change @ cover.cost @ change))) > planned:
+                continue
+            vertices, missed = cover.changed(change, _EXACT * step)
+            size = normal_rms(cover.solid, vertices - surface.vertices)
+            if missed > 10.0 * _EXACT * step or size > 1.01 * limit:
+                planned = plan * min(0.999, limit / size)
+            elif np.array_equal(self._reader(len(message), key).read(surface.moved(vertices)).bits, message):
+                return with_vertices(mesh, surface, vertices)
+            else:
+                break
+        raise MeshError(
+            f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they can be"
+            " read back; ask for fewer bits, another mrms, or repair its self-intersections"
+        )
+
+    def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
+        """See `Method.extract`. ``mesh`` may also be a point cloud, best with normals. No reference is taken."""
+        if reference is not None:
+            raise MeshError("shape-spectrum is blind and takes no reference")
+        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
+        return self._reader(n_bits, key).read(surface_of_cloud(mesh) if is_cloud else Surface.of(mesh))
+
+    def capacity(self, mesh: Any) -> int:
+        """A bit for every 8 vertices off the borders, up to 128."""
+        return min(_MOST_BITS, int(Solid.of(Surface.of(mesh)).free.sum()) // _VERTICES_A_BIT)
+
+    @property
+    def band(self) -> Band:
+        return Band(self.lowest, self.highest, self.box)
+
+    def projections(self, key: Key, n_bits: int) -> Projections:
+        """The key's projections: one a bit, or several when the bits are few."""
+        return Projections.of(key, self.band, n_bits * max(1, _LEAST_PROJECTIONS // n_bits))
+
+    def steps(self, n_bits: int) -> Floats:
+        """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
+        return np.asarray(LADDER * _SPREAD * self.mrms / np.sqrt(max(n_bits, _LEAST_PROJECTIONS)))
+
+    def _reader(self, n_bits: int, key: Key) -> Reader:
+        return Reader(self.projections(key, n_bits), self.steps(n_bits), n_bits, self.search)

@@ -1,0 +1,89 @@
+"""What a report consists of, whatever it is written in: sections of tables, figures and pictures."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Tone = Literal["", "better", "same", "below", "far"]
+_NEAR, _FAR = 0.03, 0.15  # differences of Corr
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A figure, a remark in small print beside it, and how it compares (the colour)."""
+
+    text: str
+    remark: str = ""
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under a head; the first cell of a row names it. ``folded``: shown on demand, where that can be."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing, as SVG without a head of its own."""
+
+    title: str
+    svg: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A photograph-like image, as JPEG."""
+
+    title: str
+    jpeg: bytes
+    caption: str = ""
+
+
+Block = Table | Figure | Picture
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, what one should know before looking, and the blocks."""
+
+    title: str
+    intro: str
+    blocks: tuple[Block, ...]
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A figure as the tables show it; a dash where there is none."""
+    if value is None:
+        return "–"
+    text = f"{value:.{digits}f}"
+    return text.replace("-", "−") if float(text) else f"{0:.{digits}f}"
+
+
+def signed(value: float, digits: int = 2) -> str:
+    """A difference with its sign."""
+    text = number(value, digits)
+    return text if text.startswith("−") else f"+{text}"
+
+
+def compared(
+    ours: float | None, theirs: float | None, name: str = "paper", *, low: bool = False, digits: int = 2
+) -> Cell:
+    """Our figure, with theirs and the difference as a remark, and the colour. ``low``: less is better, relatively."""
+    if ours is None or theirs is None:
+        return Cell(number(ours, digits), "" if theirs is None else f"{name} {number(theirs, digits)}")
+    gain = (theirs - ours) / abs(theirs or 1.0) if low else ours - theirs
+    remark = f"{name} {number(theirs, digits)} ({signed(round(ours, digits) - round(theirs, digits), digits)})"
+    return Cell(number(ours, digits), remark, tone_of(gain))
+
+
+def tone_of(gain: float) -> Tone:
+    """The colour of a gain (of Corr, or relative)."""
+    if gain > _NEAR:
+        return "better"
+    return "same" if gain >= -_NEAR else "below" if gain >= -_FAR else "far"

@@ -1,0 +1,75 @@
+"""Procedural test shapes: stand-ins for the meshes of the papers, and simple solids.
+
+Shape.build      -> mesh
+
+Every shape is a registered frozen dataclass: "cat:vertices=4000,seed=2". The sculptures are implicit solids, posed and
+given relief by a seeded generator: closed, manifold, of one piece, irregularly meshed and without any symmetry. The same
+options make the same mesh, bit for bit under the same library versions.
+"""
+
+import abc
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from o3dmark.errors import MeshError
+from o3dmark.mesh import TriangleMesh
+from o3dmark.registry import Registry, option
+from o3dmark.synthetic.field import Field
+from o3dmark.synthetic.isosurface import remesh
+
+SHAPES: "Registry[Shape]" = Registry("shape", __name__)
+
+_POSES = 4  # drawn one after another, until limbs neither touch nor come apart
+
+
+@dataclass(frozen=True)
+class Shape(abc.ABC):
+    """Something that can be built. Options are the fields."""
+
+    name: ClassVar[str] = ""
+
+    @abc.abstractmethod
+    def build(self) -> TriangleMesh:
+        """A new Open3D mesh, y upward, about two units in size, triangles wound outward."""
+
+
+@dataclass(frozen=True)
+class Sculpture(Shape):
+    """A closed mesh of an implicit solid. Each seed makes another individual: pose, proportions and relief."""
+
+    vertices: int = option(8000, "how many vertices")
+    seed: int = option(0, "which individual of the kind")
+
+    genus: ClassVar[int] = 0
+    detail: ClassVar[int] = 30000  # vertices of the mesh before decimation, at least: what the thinnest part needs
+
+    def __post_init__(self) -> None:
+        if self.vertices < 100 or self.seed < 0:
+            raise ValueError("vertices must be at least 100, seed at least 0")
+
+    def build(self) -> TriangleMesh:
+        """The individual's mesh. Errors: MeshError when no manifold mesh with so few vertices was found."""
+        rng = np.random.default_rng(self.seed)
+        for _ in range(_POSES):
+            mesh = remesh(self.solid(rng), self.vertices, self.genus, self.detail, rng)
+            if mesh is not None:
+                return mesh
+        raise MeshError(f"no manifold {self.name} with {self.vertices} vertices was found; ask for more")
+
+    @abc.abstractmethod
+    def solid(self, rng: np.random.Generator) -> Field:
+        """The individual as an implicit solid inside the cube [-1.5, 1.5]^3."""
+
+
+def make(spec: str | dict[str, Any] | Shape, seed: int | None = None) -> TriangleMesh:
+    """Build a shape from its spec; ``seed``, if given, replaces the spec's own (primitives have none and ignore it)."""
+    shape = SHAPES.make(spec)
+    if seed is not None and isinstance(shape, Sculpture):
+        shape = dataclasses.replace(shape, seed=seed)
+    return shape.build()
+
+
+__all__ = ["SHAPES", "Sculpture", "Shape", "make"]

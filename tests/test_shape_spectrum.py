@@ -1,0 +1,244 @@
+"""shape-spectrum: what the reader meets is what was embedded, whatever the mesh went through."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from o3dmark.attacks import attack_all
+from o3dmark.errors import CapacityError, MeshError, SpecError
+from o3dmark.files import read_mesh
+from o3dmark.keys import Key
+from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.methods import METHODS, Extraction
+from o3dmark.methods._codewords import cheapest_change
+from o3dmark.methods._fit import fit, significance
+from o3dmark.methods._projections import Projections, coherence
+from o3dmark.methods._reader import Reader
+from o3dmark.methods.shape_spectrum import ShapeSpectrum
+from o3dmark.scs import ScalarCosta
+from o3dmark.solid import Solid, normal_rms
+from o3dmark.spectrum import Band
+
+METHOD = ShapeSpectrum(mrms=8e-4)
+BITS = np.random.default_rng(5).integers(0, 2, 32)
+
+
+@pytest.fixture(scope="module")
+def marked(spot: TriangleMesh, key: Key) -> TriangleMesh:
+    return METHOD.embed(spot, BITS, key)
+
+
+def read(mesh: object, key: Key, method: ShapeSpectrum = METHOD) -> Extraction:
+    return method.extract(mesh, len(BITS), key)
+
+
+def errors(mesh: object, key: Key) -> int:
+    return int(np.count_nonzero(read(mesh, key).bits != BITS))
+
+
+# What embedding promises
+
+
+def test_the_distortion_is_within_what_was_asked_for(spot: TriangleMesh, marked: TriangleMesh) -> None:
+    cover, after = Surface.of(spot), Surface.of(marked)
+    size = normal_rms(Solid.of(cover), after.vertices - cover.vertices) / cover.diagonal
+    assert 0.7 * METHOD.mrms < size <= 1.01 * METHOD.mrms
+
+
+def test_the_cover_is_not_touched_and_the_triangles_stay(spot: TriangleMesh, key: Key) -> None:
+    before = mesh_arrays(spot)
+    after = mesh_arrays(METHOD.embed(spot, BITS, key))
+    assert all(np.array_equal(a, b) for a, b in zip(before, mesh_arrays(spot), strict=True))
+    assert np.array_equal(before[1], after[1])
+
+
+def test_every_value_lands_within_the_slack(marked: TriangleMesh, key: Key) -> None:
+    strict = 2.0 * np.pi * (METHOD.slack + 0.012)
+    soft = read(marked, key).soft
+    assert np.all((soft > 0) == BITS)
+    assert np.abs(soft).min() > np.cos(strict)
+
+
+def test_embedding_is_repeatable(spot: TriangleMesh, marked: TriangleMesh, key: Key) -> None:
+    again = METHOD.embed(spot, BITS, key)
+    assert np.array_equal(np.asarray(again.vertices), np.asarray(marked.vertices))
+
+
+# What reading promises
+
+
+@pytest.mark.parametrize(
+    "attack",
+    [
+        "reorder",
+        "similarity:smallest=0.01,largest=100",
+        "noise:amplitude=0.003",
+        "quantise:bits=9",
+        "smooth:iterations=30",
+        "taubin:iterations=10",
+        "subdivide:scheme=loop",
+        "simplify:ratio=0.8",
+        "remesh:edge=0.02",
+    ],
+)
+def test_it_survives(marked: TriangleMesh, key: Key, attack: str) -> None:
+    assert errors(attack_all(marked, [attack], rng=1), key) == 0
+
+
+def test_a_mirror_image_is_read_and_said_to_be_one(marked: TriangleMesh, key: Key) -> None:
+    reading = read(attack_all(marked, ["mirror"]), key)
+    assert np.array_equal(reading.bits, BITS)
+    assert "mirrored" in reading.note
+
+
+def test_the_winding_does_not_matter(marked: TriangleMesh, key: Key) -> None:
+    vertices, triangles = mesh_arrays(marked)
+    triangles[::3] = triangles[::3, ::-1]
+    assert errors(triangle_mesh(vertices, triangles), key) == 0
+
+
+def test_the_step_of_another_strength_is_found(spot: TriangleMesh, key: Key) -> None:
+    """The reader keeps its own options: the ladder is wide enough for half the distortion."""
+    weaker = ShapeSpectrum(mrms=5e-4).embed(spot, BITS, key)
+    assert errors(weaker, key) == 0
+
+
+def test_few_bits_are_carried_several_times(spot: TriangleMesh, key: Key) -> None:
+    bits = np.array([1, 0, 1, 1, 0, 0, 1, 0])
+    marked = attack_all(METHOD.embed(spot, bits, key), ["noise:amplitude=0.005"], rng=1)
+    assert np.array_equal(METHOD.extract(marked, 8, key).bits, bits)
+
+
+def test_a_point_cloud_is_read(marked: TriangleMesh, key: Key) -> None:
+    cloud = _sampled(marked, 20_000)
+    assert errors(cloud, key) == 0
+
+
+def _sampled(mesh: TriangleMesh, count: int) -> object:
+    surface = Surface.of(mesh)
+    rng = np.random.default_rng(0)
+    corners = surface.vertices[surface.triangles]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(cross, axis=1)
+    chosen = rng.choice(len(area), count, p=area / area.sum())
+    weights = rng.dirichlet(np.ones(3), count)
+    return point_cloud(np.einsum("qc,qcd->qd", weights, corners[chosen]), (cross / area[:, None])[chosen])
+
+
+# What it refuses
+
+
+def test_a_wrong_key_and_an_unmarked_mesh_are_at_chance(spot: TriangleMesh, marked: TriangleMesh, key: Key) -> None:
+    quick = ShapeSpectrum(mrms=8e-4, search=False)
+    readings = [read(marked, Key(bytes([i + 50] * 32)), quick) for i in range(8)]
+    readings += [read(spot, Key(bytes([i + 50] * 32)), quick) for i in range(8)]
+    wrong = [np.count_nonzero(reading.bits != BITS) for reading in readings]
+    assert 14 < np.mean(wrong) < 18
+    assert min(wrong) > 2
+
+
+def test_more_tries_are_charged(marked: TriangleMesh, key: Key) -> None:
+    plain = read(marked, key)
+    fitted = read(attack_all(marked, ["smooth:iterations=10"]), key)
+    assert plain.hypotheses == len(METHOD.steps(32))
+    assert fitted.hypotheses > 10 * plain.hypotheses
+
+
+def test_too_many_bits_are_refused_with_the_number_that_fits(spot: TriangleMesh, key: Key) -> None:
+    with pytest.raises(CapacityError) as caught:
+        METHOD.embed(spot, np.zeros(METHOD.capacity(spot) + 1, int), key)
+    assert caught.value.fits == METHOD.capacity(spot) == 128
+
+
+def test_a_reference_is_refused(spot: TriangleMesh, key: Key) -> None:
+    with pytest.raises(MeshError, match="blind"):
+        METHOD.extract(spot, 32, key, reference=spot)
+
+
+def test_a_solid_without_a_frame_is_refused_by_the_writer_only(shared: Callable[[str], Path], key: Key) -> None:
+    ball = read_mesh(shared("meshes/extra/sphere_16070.ply"))
+    with pytest.raises(MeshError, match="symmetric"):
+        METHOD.embed(ball, BITS, key)
+    assert np.abs(read(ball, key).soft).max() < 1e-9
+
+
+@pytest.mark.parametrize("spec", ["mrms=0", "lowest=12", "slack=0.3", "highest=100", "box=-1"])
+def test_options_are_checked(spec: str) -> None:
+    with pytest.raises(SpecError):
+        METHODS.make(f"shape-spectrum:{spec}")
+
+
+# Its parts
+
+
+def test_projections_deal_every_mode_once(key: Key) -> None:
+    band = Band(2.0, 4.0, 6.0)
+    projections = Projections.of(key, band, 7)
+    sizes = np.bincount(projections.owner)
+    assert sizes.sum() == 2 * len(band.integers)
+    assert np.ptp(sizes) <= 1
+    points = np.random.default_rng(0).uniform(-3.0, 3.0, (4000, 3))
+    assert np.mean(projections.functions(points) ** 2, axis=1) == pytest.approx(np.ones(7), rel=0.15)
+
+
+def test_projections_of_point_masses_are_their_functions(key: Key) -> None:
+    """p_j of the transform of unit strengths is the sum of s_j over the points."""
+    projections = Projections.of(key, Band(2.0, 4.0, 6.0), 7)
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (9, 3))
+    spectrum = projections.band.transform(points, np.ones((1, 9)))[0]
+    assert projections(spectrum) == pytest.approx(projections.functions(points).sum(axis=1), abs=1e-2)
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.04])
+def test_the_cheapest_change_leads_to_codewords_and_is_no_dearer_than_the_nearest(slack: float) -> None:
+    rng = np.random.default_rng(1)
+    values, dither, bits = rng.standard_normal(24), rng.random(24), rng.integers(0, 2, 24)
+    root = rng.standard_normal((24, 30))
+    cost, step = root @ root.T, 0.3
+    change = cheapest_change(values, bits, dither, step, cost, slack)
+    away = (values + change) / step - dither - bits / 2.0
+    assert np.abs(away - np.rint(away)).max() <= slack + 1e-9
+    nearest = ScalarCosta(step).codeword(values, bits, step * dither) - values
+    assert change @ cost @ change < nearest @ cost @ nearest
+
+
+def test_the_fit_undoes_a_motion_it_expects() -> None:
+    rng = np.random.default_rng(2)
+    u = rng.integers(0, 9, (1, 64)) / 2.0
+    jacobian = rng.standard_normal((1, 64, 7)) * 50.0
+    prior = np.diag(np.full(7, 2e-3**2))[None]
+    moved = u - np.einsum("hkp,p->hk", jacobian, rng.standard_normal(7) * 1e-3)
+    assert coherence(moved)[0] < 0.6
+    fitted, freedom = fit(moved, jacobian, prior)
+    assert coherence(fitted)[0] > 0.99
+    assert freedom[0] > 0
+
+
+def test_the_significance_of_random_values_is_a_p_value() -> None:
+    """With and without a fit: the share of random dithers that reach p is p at most."""
+    rng = np.random.default_rng(3)
+    jacobian = np.broadcast_to(rng.standard_normal((64, 7)) * 50.0, (40, 64, 7))
+    prior = np.broadcast_to(np.diag(np.full(7, 1e-3**2)), (40, 7, 7))
+    plain, fitted = [], []
+    for u in rng.random((25, 40, 64)):
+        moved, freedom = fit(u, jacobian, prior)
+        plain.append(significance(u, 64))
+        fitted.append(significance(moved, 64, freedom))
+    for log_p in (np.concatenate(plain), np.concatenate(fitted)):
+        for level in (-1.0, -1.5, -2.0, -2.5):
+            assert np.mean(log_p < level) <= 10.0**level * 1.3 + 2e-3
+
+
+def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleMesh, key: Key) -> None:
+    """Half a period more of dither flips its bit and nothing else: so under a wrong key each bit is a fair coin."""
+    smooth = Surface.of(attack_all(marked, ["smooth:iterations=10"]))
+    for secret, search in ((key, True), (Key(bytes(32)), False)):
+        projections = METHOD.projections(secret, 32)
+        flipped = replace(projections, dither=projections.dither + 0.5 * (np.arange(32) % 3 == 0))
+        one, other = (Reader(each, METHOD.steps(32), 32, search).read(smooth) for each in (projections, flipped))
+        assert one.note == other.note
+        assert one.hypotheses == other.hypotheses
+        assert other.soft == pytest.approx(np.where(np.arange(32) % 3 == 0, -one.soft, one.soft), abs=1e-6)
