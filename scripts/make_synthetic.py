@@ -50,7 +50,7 @@ def entry(spec: str, mesh: TriangleMesh) -> dict[str, Any]:
 
 
 def differs(mesh: TriangleMesh, path: Path, expected: dict[str, Any]) -> str:
-    """In what a newly made mesh is not the one in the file (or, without a file, in the manifest); empty if in nothing."""
+    """In what a new mesh is not the one in the file (without a file: in the manifest); empty if in nothing."""
     if not path.exists():
         return "" if digest(mesh) == expected["sha256"] else "its digest"
     made, kept = mesh_arrays(mesh), mesh_arrays(read_mesh(path))
@@ -74,7 +74,9 @@ def main() -> int:
         mesh = SHAPES.make(name).build()
         verdict = f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles"
         if options.check:
-            problem = differs(mesh, FOLDER / file, manifest[file]) if file in manifest else "everything: not in the manifest"
+            problem = (
+                differs(mesh, FOLDER / file, manifest[file]) if file in manifest else "everything: not in the manifest"
+            )
             verdict = f"differs in {problem}" if problem else "the same"
             failures += bool(problem)
         else:

@@ -1,10 +1,11 @@
 """Executors: processes on this machine, or the workers of a Dask cluster."""
 
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
 
 from o3dmark.errors import BackendError
@@ -19,15 +20,23 @@ def process_pool(workers: int) -> Iterator[Executor]:
     The libraries read the number of threads from the environment when they are loaded, so it is set while processes
     are started, which are started anew rather than forked for the same reason.
     """
-    before = {name: os.environ.get(name) for name in _THREADS}
+    before, others = {name: os.environ.get(name) for name in _THREADS}, set(active_children())
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
     try:
         yield pool
+    except BaseException:  # an interrupt: what is at work would be waited for, and its rows then be dropped
+        for process in set(active_children()) - others:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
         for name, value in before.items():
             os.environ.pop(name, None) if value is None else os.environ.update({name: value})
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

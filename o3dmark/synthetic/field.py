@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from o3dmark.geometry import Floats
 
 Field = Callable[[Floats], Floats]
-Triple = Sequence[float]
+Triple = Sequence[float] | Floats
 
 
 def ellipsoid(centre: Triple, radii: Triple, turn: Triple = (0.0, 0.0, 0.0)) -> Field:

@@ -45,9 +45,7 @@ def _triangles_by_case() -> list[tuple[int, Ints]]:
 _CASES = _triangles_by_case()
 
 
-def remesh(
-    field: Field, n_vertices: int, genus: int, detail: int, rng: np.random.Generator
-) -> TriangleMesh | None:
+def remesh(field: Field, n_vertices: int, genus: int, detail: int, rng: np.random.Generator) -> TriangleMesh | None:
     """A closed mesh of the surface field = 0 with ``n_vertices`` vertices, decimated from at least ``detail``.
 
     None when the surface has another genus or several pieces, or when no manifold mesh with so few vertices was found.
@@ -56,12 +54,13 @@ def remesh(
     for _ in range(_ATTEMPTS):
         vertices, triangles = marching_tetrahedra(field, spacing)
         mesh = triangle_mesh(_shaken(vertices, triangles, spacing, rng), triangles)
-        if mesh.euler_poincare_characteristic() == 2 - 2 * genus:
-            mesh = mesh.simplify_quadric_decimation(2 * (n_vertices - 2 + 2 * genus))
-            mesh = _settled(field, mesh.remove_unreferenced_vertices())
-            if is_sound(mesh, genus):
-                return mesh
-        spacing *= 0.97  # another grid: what is thinner than a cell, and which edges collapse, is a matter of chance
+        if mesh.euler_poincare_characteristic() != 2 - 2 * genus:
+            return None
+        mesh = mesh.simplify_quadric_decimation(2 * (n_vertices - 2 + 2 * genus))
+        mesh = _settled(field, mesh.remove_unreferenced_vertices())
+        if is_sound(mesh, genus):
+            return mesh
+        spacing *= 0.97  # which edges collapse, and whether that pinches the surface, is a matter of chance
     return None
 
 
@@ -93,8 +92,8 @@ def marching_tetrahedra(field: Field, spacing: float, steepest: float = 1.6) -> 
     ends = np.sort(ends.reshape(-1, 2), axis=1)
     edges, triangles = np.unique(ends[:, 0] * len(keys) + ends[:, 1], return_inverse=True)
     a, b = np.divmod(edges, len(keys))
-    share = (values[a] / (values[a] - values[b]))[:, None]
-    vertices = corners[a] + np.clip(share, 0.02, 0.98) * (corners[b] - corners[a])
+    share = np.clip(values[a] / (values[a] - values[b]), 0.02, 0.98)[:, None]
+    vertices = corners[a] + share * (corners[b] - corners[a])
     if geometry.border_vertices(triangles.reshape(-1, 3), len(edges)).any():
         if steepest > 6.0:
             raise MeshError("the solid leaves its box, or its field is no distance")

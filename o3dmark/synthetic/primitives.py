@@ -10,7 +10,10 @@ from o3dmark.mesh import TriangleMesh, triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES, Shape
 
-_SQUARE = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+_SQUARE = (
+    np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]),
+    np.array([[0, 1, 2], [0, 2, 3]]),
+)
 _TETRAHEDRON = (
     np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]) / 3**0.5,
     np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
@@ -122,7 +125,9 @@ def _sphere(n_vertices: int) -> tuple[Floats, Ints]:
     corners = np.array([[0.0, s, t * golden] for s in (-1, 1) for t in (-1, 1)])
     corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
     near = np.linalg.norm(corners[:, None] - corners, axis=2) < 2.1
-    faces = [[a, b, c] for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    faces = [
+        [a, b, c] for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]
+    ]
     outward = [face if np.linalg.det(corners[face]) > 0 else face[::-1] for face in faces]
     vertices, triangles = _divided(corners, np.array(outward), n_vertices)
     return geometry.unit(vertices), triangles
@@ -155,4 +160,5 @@ def _wrapped(rows: int, columns: int, closed: bool) -> Ints:
 
 
 def _turn(count: int) -> Floats:
-    return np.arange(count) * (2.0 * np.pi / count)
+    """``count`` equal steps (count,) of one turn, in radians."""
+    return np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)

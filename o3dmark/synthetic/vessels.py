@@ -43,7 +43,7 @@ class Flower(Sculpture):
             way = np.array([np.sin(np.radians(turn)), 0.3, np.cos(np.radians(turn))])
             petals.append(blade(way * (0.12 + 0.8 * length), size, (rng.uniform(-26, -14), turn, 0), -0.45, 0.9))
         disc = ellipsoid((0.0, 0.07, 0.0), (0.24, 0.12, 0.23))
-        calyx = ellipsoid((0.0, 0.02, 0.0), (0.2, 0.12, 0.2))
+        calyx = ellipsoid((0.0, 0.06, 0.0), (0.31, 0.09, 0.31))
         seeds = within(ellipsoid((0.0, 0.15, 0.0), (0.2, 0.2, 0.2)), 0.03, noise(rng, 0.008, 0.1))
         head = placed(emboss(blend(0.04, disc, calyx, *petals), seeds), (0.05, 0.35, 0.12), (58.0, 18.0, 0.0), 0.9)
         stem = tube(
