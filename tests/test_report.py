@@ -271,6 +271,7 @@ def test_a_strength_is_a_number_with_a_unit(condition: str, value: float | None)
 def test_the_difference_is_that_of_the_figures_shown() -> None:
     cell = compared(0.924, 0.906)
     assert (cell.text, cell.remark) == ("0.92", "paper 0.91 (+0.01)")
+    assert compared(0.876, 0.9103).tone == "same"  # 0.88 and 0.91
     assert compared(None, 0.5).text == "–"
     assert compared(0.5, None).tone == ""
     assert (number(-0.001), number(-0.5), signed(0.0)) == ("0.00", "−0.50", "+0.00")

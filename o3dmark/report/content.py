@@ -77,8 +77,9 @@ def compared(
     """Our figure, with theirs and the difference as a remark, and the colour. ``low``: less is better, relatively."""
     if ours is None or theirs is None:
         return Cell(number(ours, digits), "" if theirs is None else f"{name} {number(theirs, digits)}")
-    gain = (theirs - ours) / abs(theirs or 1.0) if low else ours - theirs
-    remark = f"{name} {number(theirs, digits)} ({signed(round(ours, digits) - round(theirs, digits), digits)})"
+    shown = round(round(ours, digits) - round(theirs, digits), digits)  # the difference of the figures that are shown
+    gain = (theirs - ours) / abs(theirs or 1.0) if low else shown
+    remark = f"{name} {number(theirs, digits)} ({signed(shown, digits)})"
     return Cell(number(ours, digits), remark, tone_of(gain))
 
 

@@ -53,7 +53,8 @@ class Bimba(Sculpture):
         dress = common(0.03, dress, half_space((0.0, -0.58, 0.3), (0.0, 1.0, 0.6)))
         bust = blend(0.02, blend(0.06, skin, head), dress, hem)
         foot = half_space((0.0, -1.02, 0.0), (0.05, -1.0, 0.04))
-        return sway(emboss(common(0.04, bust, foot), noise(rng, 0.004, 0.25), noise(rng, 0.001, 0.06)), rng, 0.03)
+        bust = emboss(common(0.04, bust, foot), noise(rng, 0.004, 0.25), noise(rng, 0.001, 0.06))
+        return sway(scaled(bust, (1.06, 1.0, 0.94)), rng, 0.05)
 
     @staticmethod
     def _hair(rng: np.random.Generator) -> tuple[Field, ...]:

@@ -84,7 +84,7 @@ def marching_tetrahedra(field: Field, spacing: float, steepest: float = 1.6) -> 
     """
     cells = crossed_cells(field, spacing, steepest)
     keys, place = np.unique(_keys((cells[:, None] + _OFFSETS).reshape(-1, 3)), return_inverse=True)
-    corners = _corners(keys) * spacing
+    corners = (_corners(keys) * spacing).astype(np.float64)
     inside = (values := evaluate(field, corners)) < 0
     tetrahedra = place.reshape(-1, 8)[:, _KUHN].reshape(-1, 4)
     case = inside[tetrahedra] @ np.array([1, 2, 4, 8])

@@ -86,7 +86,7 @@ class Torus(Primitive):
         across = max(3, round(self.vertices / around))
         u, v = np.meshgrid(_turn(around), _turn(across), indexing="ij")
         reach = self.radius + self.thickness * np.cos(v)
-        points = np.stack([reach * np.cos(u), self.thickness * np.sin(v), reach * np.sin(u)], axis=-1)
+        points = np.stack([reach * np.cos(u), -self.thickness * np.sin(v), reach * np.sin(u)], axis=-1)
         return triangle_mesh(points.reshape(-1, 3), _wrapped(around, across, True))
 
 

@@ -85,7 +85,7 @@ class Vase(Sculpture):
         twist = noise(rng, 0.5, 1.5)
         belly = ellipsoid((0.0, -0.1, 0.0), (0.8, 0.52, 0.8))
         flutes = within(belly, 0.12, strands((0, 0, 0), (0, 1, 0), 11, 0.022, lambda p: 6.0 * p[:, 1] + twist(p)))
-        return sway(scaled(emboss(flute(wall, flutes), noise(rng, 0.005, 0.3)), (1.0, 1.0, 0.86)), rng, 0.05)
+        return sway(scaled(emboss(flute(wall, flutes), noise(rng, 0.005, 0.3)), (1.0, 1.0, 0.84)), rng, 0.1)
 
 
 @SHAPES.register("cup")
