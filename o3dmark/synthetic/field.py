@@ -1,9 +1,9 @@
 """Implicit solids: functions of points that are negative inside, positive outside and, near the surface, a distance.
 
 A `Field` takes points (n, 3) and returns (n,). Solids are joined by `blend`, cut by `carve` and `common`, given relief
-by `emboss` and a pose by `placed` and `sway`. A ``turn`` is (pitch, yaw, roll), degrees about the axes x, y and z, the
-roll first and the yaw last. None is exactly a distance, but none should grow
-much faster than one, which is what `isosurface` relies on. The smooth minimum is the quadratic one of I. Quilez, "Smooth minimum" (2013).
+by `emboss` and a pose by `placed` and `sway`. None is exactly a distance, but none should grow much faster than one,
+which is what `isosurface` relies on. A ``turn`` is (pitch, yaw, roll), degrees about the axes x, y and z, the roll
+applied first and the yaw last. The smooth minimum is the quadratic one of I. Quilez, "Smooth minimum" (2013).
 """
 
 from collections.abc import Callable, Sequence
@@ -60,7 +60,9 @@ def ball(x: float, y: float, z: float, radius: float) -> Field:
 def tube(*knots: Sequence[float], smooth: int = 3) -> Field:
     """A limb through knots (x, y, z, radius): round cones along the Catmull-Rom spline, ``smooth`` to a span."""
     line = _spline(np.asarray(knots, np.float64), smooth)
-    pieces = [(start, step, 1.0 / (step[:3] @ step[:3])) for start, step in zip(line, np.diff(line, axis=0))]  # noqa: B905
+    pieces = [
+        (start, step, 1.0 / (step[:3] @ step[:3])) for start, step in zip(line[:-1], np.diff(line, axis=0), strict=True)
+    ]
 
     def field(points: Floats) -> Floats:
         nearest = np.full(len(points), np.inf)
@@ -199,6 +201,6 @@ def _spline(knots: Floats, smooth: int) -> Floats:
     padded = np.concatenate([2 * knots[:1] - knots[1:2], knots, 2 * knots[-1:] - knots[-2:-1]])
     t = (np.arange(smooth) / smooth)[:, None]
     spans = []
-    for a, b, c, d in zip(padded, padded[1:], padded[2:], padded[3:]):  # noqa: B905
+    for a, b, c, d in zip(padded[:-3], padded[1:-2], padded[2:-1], padded[3:], strict=True):
         spans.append(b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))))
     return np.concatenate([*spans, knots[-1:]])

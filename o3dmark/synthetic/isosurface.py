@@ -1,8 +1,8 @@
 """From an implicit solid to an irregular closed mesh with as many vertices as asked for.
 
 Cells of a grid that the surface may cross are refined eightfold until they are small (`crossed_cells`) and polygonised
-by `marching_tetrahedra`, vertices slide and are brought onto the surface by Newton steps, and quadric
-decimation (Garland and Heckbert 1997) leaves more triangles where the surface curves more.
+by `marching_tetrahedra`; the vertices are shaken along the surface, quadric decimation (Garland and Heckbert 1997)
+leaves more of them where it curves more, and Newton steps bring those that are left back onto it (`project`).
 """
 
 from itertools import permutations
@@ -17,9 +17,10 @@ from o3dmark.mesh import TriangleMesh, triangle_mesh
 from o3dmark.synthetic.field import Field
 
 HALF_BOX = 1.5  # every solid lies inside the cube [-1.5, 1.5]^3
-_COARSEST = 0.3
-_CHUNK = 1 << 15
+_COARSEST = 0.3  # size of the cells that are refined first
+_CHUNK = 1 << 15  # points evaluated at once
 _ATTEMPTS = 3
+_RELAXATIONS = 3
 _OFFSETS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _KUHN = np.array(  # six tetrahedra of a cell, wound alike
     [
@@ -27,7 +28,6 @@ _KUHN = np.array(  # six tetrahedra of a cell, wound alike
         for a, b, c in permutations(range(3))
     ]
 )
-_RELAXATIONS = 3
 
 
 def _triangles_by_case() -> list[tuple[int, Ints]]:
