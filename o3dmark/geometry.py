@@ -47,6 +47,17 @@ def unit(vectors: Floats) -> Floats:
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
+def normal_rms(areas: Floats, corners: Floats) -> float:
+    """RMS distance between a surface and the same surface moved, to first order.
+
+    areas (m, 3): area vectors of the triangles; corners (m, 3, 3): the motion of each triangle's corners. Its normal
+    part, linear in each triangle, is integrated exactly.
+    """
+    a, b, c = np.einsum("mcd,md->cm", corners, unit(areas))
+    size = np.linalg.norm(areas, axis=1)
+    return float(np.sqrt(size @ (a * a + b * b + c * c + a * b + b * c + c * a) / 6.0 / size.sum()))
+
+
 def edges(triangles: Ints) -> Ints:
     """Each undirected edge once (e, 2), the lower index first, in lexicographic order."""
     return _edge_counts(triangles)[0]

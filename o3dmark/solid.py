@@ -152,10 +152,7 @@ def normal_rms(solid: Solid, displacement: Floats) -> float:
     """
     n = len(solid.free)
     real = (solid.triangles < n).all(axis=1)
-    area = np.linalg.norm(solid.area_vectors[real], axis=1)
-    moved = displacement[solid.triangles[real]]
-    a, b, c = np.einsum("mcd,md->cm", moved, geometry.unit(solid.area_vectors[real]))
-    return float(np.sqrt(area @ (a * a + b * b + c * c + a * b + b * c + c * a) / 6.0 / area.sum()))
+    return geometry.normal_rms(solid.area_vectors[real], displacement[solid.triangles[real]])
 
 
 def _half_edges(triangles: Ints) -> tuple[Ints, NDArray[np.bool_], Ints]:

@@ -277,8 +277,5 @@ def _coherence(vectors: NDArray[np.complex128]) -> float:
 
 def _mrms(surface: Surface, vertices: Floats) -> float:
     """RMS distance to the surface moved to ``vertices`` (n, 3), to first order: the normal part of the motion."""
-    area = geometry.area_vectors(surface.vertices, surface.triangles)
-    size = np.linalg.norm(area, axis=1)
-    moved = (vertices - surface.vertices)[surface.triangles]
-    a, b, c = np.einsum("mcd,md->cm", moved, geometry.unit(area))
-    return float(np.sqrt(size @ (a * a + b * b + c * c + a * b + b * c + c * a) / 6.0 / size.sum()))
+    areas = geometry.area_vectors(surface.vertices, surface.triangles)
+    return geometry.normal_rms(areas, (vertices - surface.vertices)[surface.triangles])
