@@ -13,10 +13,11 @@ from o3dmark.files import read_mesh
 from o3dmark.keys import Key
 from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods._codewords import cheapest_change
+from o3dmark.methods._codewords import plans
 from o3dmark.methods._fit import fit, significance
 from o3dmark.methods._projections import Projections, coherence
 from o3dmark.methods._reader import Reader
+from o3dmark.methods._sights import Sights
 from o3dmark.methods.shape_spectrum import ShapeSpectrum
 from o3dmark.scs import ScalarCosta
 from o3dmark.solid import Solid, normal_rms
@@ -192,17 +193,22 @@ def test_projections_of_point_masses_are_their_functions(key: Key) -> None:
     assert projections(spectrum) == pytest.approx(projections.functions(points).sum(axis=1), abs=1e-2)
 
 
-@pytest.mark.parametrize("slack", [0.0, 0.04])
-def test_the_cheapest_change_leads_to_codewords_and_is_no_dearer_than_the_nearest(slack: float) -> None:
+def test_plans_lead_to_codewords_keep_within_their_limit_and_come_widest_margin_first() -> None:
     rng = np.random.default_rng(1)
     values, dither, bits = rng.standard_normal(24), rng.random(24), rng.integers(0, 2, 24)
     root = rng.standard_normal((24, 30))
-    cost, step = root @ root.T, 0.3
-    change = cheapest_change(values, bits, dither, step, cost, slack)
-    away = (values + change) / step - dither - bits / 2.0
-    assert np.abs(away - np.rint(away)).max() <= slack + 1e-9
-    nearest = ScalarCosta(step).codeword(values, bits, step * dither) - values
-    assert change @ cost @ change < nearest @ cost @ nearest
+    cost, steps, limit = root @ root.T, np.geomspace(0.4, 0.1, 9), 2.0
+    found = plans(values, bits, dither, steps, cost, 0.04, limit)
+    assert [plan.margin for plan in found] == sorted((plan.margin for plan in found), reverse=True)
+    assert any(plan.margin < 0.249 * plan.step for plan in found)  # some stop short of their codewords
+    for plan in found:
+        away = (values + plan.change) / plan.step - dither - bits / 2.0
+        missed = np.abs(away - np.rint(away)).max()
+        assert missed <= 0.25 - plan.margin / plan.step + 1e-9
+        assert plan.size == pytest.approx(np.sqrt(plan.change @ cost @ plan.change))
+        assert plan.size <= limit
+        nearest = ScalarCosta(plan.step).codeword(values, bits, plan.step * dither) - values
+        assert plan.size**2 < nearest @ cost @ nearest
 
 
 def test_the_fit_undoes_a_motion_it_expects() -> None:
@@ -238,7 +244,18 @@ def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleM
     for secret, search in ((key, True), (Key(bytes(32)), False)):
         projections = METHOD.projections(secret, 32)
         flipped = replace(projections, dither=projections.dither + 0.5 * (np.arange(32) % 3 == 0))
-        one, other = (Reader(each, METHOD.steps(32), 32, search).read(smooth) for each in (projections, flipped))
+        sights = Sights(smooth, METHOD.band, search=search)
+        one, other = (Reader(each, METHOD.steps(32), 32).read(sights) for each in (projections, flipped))
         assert one.note == other.note
         assert one.hypotheses == other.hypotheses
         assert other.soft == pytest.approx(np.where(np.arange(32) % 3 == 0, -one.soft, one.soft), abs=1e-6)
+
+
+def test_sights_serve_one_key_after_the_other(marked: TriangleMesh, key: Key) -> None:
+    """What a first key made them work out changes nothing for the next."""
+    rough = attack_all(marked, ["noise:amplitude=0.003"], 1)
+    sights = METHOD.sights(rough)
+    wrong = METHOD.reader(32, Key(bytes(32))).read(sights)
+    shared, alone = METHOD.reader(32, key).read(sights), METHOD.extract(rough, 32, key)
+    assert wrong.hypotheses > shared.hypotheses  # it had to look further
+    assert np.array_equal(shared.soft, alone.soft)

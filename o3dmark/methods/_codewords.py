@@ -2,7 +2,13 @@
 
 The projections of a small mesh are not independent, so the nearest codeword of each is not the nearest of all. With
 ``cost`` Q (K, K), the squared size of a change r is r' Q r; a closest-vector search over the combs makes it small.
+
+What a mark survives is told by its margin: how far a value stands from the border to codewords of the other bit. A
+longer step widens it, and costs motion; stopping short of the codewords saves motion, and costs margin.
 """
+
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,18 +16,64 @@ from o3dmark.geometry import Floats
 from o3dmark.scs import ScalarCosta
 
 _SWEEPS = 30
+_KICKS, _KICKED = 30, 6  # fresh starts of the search, each with so many integers disturbed
+_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the slack, tried where going all the way costs too much
+_SAVING = 1.4  # more than slack ever saves
 
 
-def cheapest_change(values: Floats, bits: Floats, dither: Floats, step: float, cost: Floats, slack: float) -> Floats:
-    """The change (K,) that takes ``values`` (K,) to codewords of ``bits``, or to within ``slack`` steps of them.
+class Plan(NamedTuple):
+    """A ``change`` (K,) of the values that takes all of them to codewords of ``step``, but for a slack.
 
-    ``dither`` (K,) in periods; ``cost`` (K, K) is symmetric and positive.
+    ``size`` is the RMS motion that it costs, by the cost matrix; ``margin`` the least distance left to the border.
     """
-    change = ScalarCosta(step).codeword(values, bits, step * dither) - values
-    return _relaxed(_lattice_search(change, step, cost), slack * step, cost)
+
+    step: float
+    change: Floats
+    size: float
+    margin: float
 
 
-def _lattice_search(r: Floats, step: float, Q: Floats) -> Floats:
+def plans(
+    values: Floats, bits: Floats, dither: Floats, steps: Floats, cost: Floats, slack: float, limit: float
+) -> list[Plan]:
+    """Ways to write ``bits`` (K,) into ``values`` (K,) at a size below ``limit``, widest margin first.
+
+    ``dither`` (K,) in periods, ``slack`` in steps; ``cost`` (K, K) is symmetric and positive.
+    """
+    found: list[Plan] = []
+    for step in map(float, steps):
+        nearest = _nearest(ScalarCosta(step).codeword(values, bits, step * dither) - values, step, cost)
+        found += (plan for plan in _with_slack(nearest, step, cost, slack, limit) if plan.size <= limit)
+    return sorted(found, key=lambda plan: -plan.margin)
+
+
+def _with_slack(nearest: Floats, step: float, cost: Floats, slack: float, limit: float) -> Iterator[Plan]:
+    exact = Plan(step, nearest, _size(nearest, cost), 0.25 * step)
+    yield exact
+    if limit < exact.size < _SAVING * limit:
+        for reach in (slack * share for share in _SHARES):
+            change = _relaxed(nearest, reach * step, cost)
+            yield Plan(step, change, _size(change, cost), (0.25 - reach) * step)
+
+
+def _size(r: Floats, Q: Floats) -> float:
+    return float(np.sqrt(r @ Q @ r))
+
+
+def _nearest(r: Floats, step: float, Q: Floats) -> Floats:
+    """r + step z, z integers, with a small r' Q r: iterated local search, each start a kick away from the best."""
+    random, best = np.random.default_rng(0), _descent(r, step, Q)
+    for _ in range(_KICKS):
+        start = best.copy()
+        kicked = random.choice(len(r), min(_KICKED, len(r)), replace=False)
+        start[kicked] += step * random.choice((-1.0, 1.0), len(kicked))
+        found = _descent(start, step, Q)
+        if _size(found, Q) < _size(best, Q):
+            best = found
+    return best
+
+
+def _descent(r: Floats, step: float, Q: Floats) -> Floats:
     """r + step z with a small r' Q r: the best move of one or two integers z by one, until no move helps."""
     diagonal = np.diag(Q) * step**2
     while True:

@@ -15,7 +15,7 @@ from o3dmark.geometry import Floats
 from o3dmark.mesh import Surface
 from o3dmark.methods._projections import Projections
 from o3dmark.solid import Solid, samples
-from o3dmark.spectrum import Spectrum
+from o3dmark.spectrum import Band, Spectrum
 
 _SPLIT = 0.35  # longest edge of a quadrature triangle, over the shortest wavelength
 _POINT = 0.05  # edges below which one point a triangle will do, over the shortest wavelength
@@ -23,11 +23,10 @@ _NEWTON_STEPS = 8
 _MANY = 60_000  # samples above which the answer of the projections is lumped at the vertices
 
 
-def spectrum_of(projections: Projections, seen: Solid, *, gradient: bool = False) -> Spectrum:
+def spectrum_of(band: Band, seen: Solid, *, gradient: bool = False) -> Spectrum:
     """The spectrum of a solid as seen in its frame."""
-    shortest = projections.band.shortest
-    q = samples(seen, _SPLIT * shortest, _POINT * shortest)
-    return Spectrum.of(projections.band, q.points, q.area_vectors, gradient=gradient)
+    q = samples(seen, _SPLIT * band.shortest, _POINT * band.shortest)
+    return Spectrum.of(band, q.points, q.area_vectors, gradient=gradient)
 
 
 class Cover:
@@ -39,16 +38,20 @@ class Cover:
         self.frame = self.rule.frames(self.solid)[0]
         self._normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
         self._seen = self.frame.solid(self.solid)
-        self._spectrum = spectrum_of(projections, self._seen, gradient=True)
+        self._spectrum = spectrum_of(projections.band, self._seen, gradient=True)
         self.values = projections(self._spectrum.values)
 
     @cached_property
     def response(self) -> Floats:
         """Change of each projection as each vertex moves by one unit of the frame along its normal: (K, n)."""
-        normals = self.frame.directions(self._normals)
-        direct = _direct_response(self.projections, self._seen, normals)
         frame = self.rule.response(self.solid, self.frame, self._normals)
-        return (direct + self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.free
+        return self._direct + (self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.free
+
+    @cached_property
+    def _direct(self) -> Floats:
+        """The same in a fixed frame."""
+        normals = self.frame.directions(self._normals)
+        return _direct_response(self.projections, self._seen, normals) * self.solid.free
 
     @cached_property
     def _mobility(self) -> Floats:
@@ -56,31 +59,45 @@ class Cover:
         area = self._seen.vertex_areas
         return np.where(self.solid.free, 1.0 / np.maximum(area, 1e-3 * area.mean()), 0.0)
 
+    @property
+    def _ways(self) -> Floats:
+        """The motions (K, n) that are mixed, before mobility: least in sum when they are the response itself.
+
+        The answer of an area frame is as rough as the curvature; creases would fly apart. Without it, they stay smooth.
+        """
+        return self._direct if self.rule.measure == "area" else self.response
+
     @cached_property
     def _pull(self) -> Floats:
         """The pulls (K, K) that change one projection by one each."""
-        return np.asarray(np.linalg.inv((self.response * self._mobility) @ self.response.T))
+        return np.asarray(np.linalg.inv((self.response * self._mobility) @ self._ways.T))
 
     @cached_property
     def cost(self) -> Floats:
         """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
-        return np.asarray(self._pull * self.frame.scale**2 / self._seen.vertex_areas.sum())
+        effort = self._pull.T @ ((self._ways * self._mobility) @ self._ways.T) @ self._pull
+        return np.asarray(effort * self.frame.scale**2 / self._seen.vertex_areas.sum())
 
     def changed(self, change: Floats, accuracy: float) -> tuple[Floats, float]:
         """Vertices (n, 3) whose projections differ from the cover's by ``change`` (K,), and the largest error left.
 
+        Newton's method, its inverse derivative corrected on the way (Broyden 1965, the first of his methods).
+
         The values are those that a reader will measure: in the moved mesh's own frame.
         """
-        target, pull = self.values + change, np.zeros(len(change))
+        target, pull, inverse = self.values + change, np.zeros(len(change)), self._pull.copy()
         error, best = change, (np.array(self.surface.vertices), float(np.abs(change).max()))
         for _ in range(_NEWTON_STEPS):
-            pull = pull + self._pull @ error
-            motion = self.frame.scale * self._mobility * (pull @ self.response)
+            step = inverse @ error
+            pull = pull + step
+            motion = self.frame.scale * self._mobility * (pull @ self._ways)
             vertices = self.surface.vertices + motion[:, None] * self._normals
             solid = self.solid.moved(vertices)
             seen = self.rule.near(solid, self.frame).solid(solid)
-            error = target - self.projections(spectrum_of(self.projections, seen).values)
+            before, error = error, target - self.projections(spectrum_of(self.projections.band, seen).values)
             missed = float(np.abs(error).max())
+            answer = inverse @ (before - error)
+            inverse += np.outer(step - answer, step @ inverse) / (step @ answer)
             if missed < best[1]:
                 best = vertices, missed
             if missed < accuracy or missed > 2.0 * best[1]:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from o3dmark.cloud import surface_of_cloud
 from o3dmark.errors import CapacityError, MeshError
@@ -32,10 +32,11 @@ from o3dmark.geometry import Floats
 from o3dmark.keys import Key
 from o3dmark.mesh import PointCloud, Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
-from o3dmark.methods._codewords import cheapest_change
+from o3dmark.methods._codewords import Plan, plans
 from o3dmark.methods._cover import Cover
 from o3dmark.methods._projections import Projections
 from o3dmark.methods._reader import Reader
+from o3dmark.methods._sights import Sights
 from o3dmark.registry import option
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
@@ -45,6 +46,9 @@ _SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; le
 _LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
 _VERTICES_A_BIT = 8
 _MOST_BITS = 128
+_HOPE = 0.9  # the real motion over the planned one, at the least: folds and creases save some
+_SAFE = 0.995  # of the limit, for what a first-order distance leaves out
+_TRIES = 16  # plans carried out before the mesh is refused
 _EXACT = 1e-3  # of a step: where Newton's method may stop
 
 
@@ -68,7 +72,7 @@ class ShapeSpectrum(Method):
     lowest: float = option(4.0, "longest waves used, as the number that fit in the box")
     highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
     box: float = option(6.0, "side of the box, over the radius of gyration")
-    slack: float = option(0.04, "how far from its codeword a value may stay, in steps: less distortion, less margin")
+    slack: float = option(0.04, "how far from its codeword a value may stay, in steps, where that buys a longer step")
     search: bool = option(True, "let the reader fit the frame and undo smoothing")
 
     def __post_init__(self) -> None:
@@ -76,25 +80,24 @@ class ShapeSpectrum(Method):
             raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
 
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
-        """See `Method.embed`. The strongest step of the ladder that keeps within ``mrms`` is taken."""
+        """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
         surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
         if len(message) > (fits := self.capacity(mesh)):
             raise CapacityError(len(message), fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
         cover = Cover(self.projections(key, len(message)), surface)
         wanted = np.resize(message, len(cover.projections)).astype(np.float64)
-        limit = planned = self.mrms * surface.diagonal
-        for step in self.steps(len(message)):
-            change = cheapest_change(cover.values, wanted, cover.projections.dither, step, cover.cost, self.slack)
-            if (plan := float(np.sqrt(change @ cover.cost @ change))) > planned:
+        limit, real, tries = self.mrms * surface.diagonal, _HOPE, 0
+        for plan in self._plans(cover, wanted, limit / _HOPE):
+            if plan.size * real > limit or tries == _TRIES:
                 continue
-            vertices, missed = cover.changed(change, _EXACT * step)
+            tries += 1
+            vertices, missed = cover.changed(plan.change, _EXACT * plan.step)
+            if missed > 10.0 * _EXACT * plan.step:
+                continue
             size = normal_rms(cover.solid, vertices - surface.vertices)
-            if missed > 10.0 * _EXACT * step or size > 1.01 * limit:
-                planned = plan * min(0.999, limit / size)
-            elif np.array_equal(self._reader(len(message), key).read(surface.moved(vertices)).bits, message):
+            real = max(_HOPE, 0.97 * size / plan.size)  # plans differ in this by a few per cent
+            if size <= _SAFE * limit and self._reads(surface.moved(vertices), message, key):
                 return with_vertices(mesh, surface, vertices)
-            else:
-                break
         raise MeshError(
             f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they can be"
             " read back; ask for fewer bits, another mrms, or repair its self-intersections"
@@ -104,8 +107,7 @@ class ShapeSpectrum(Method):
         """See `Method.extract`. ``mesh`` may also be a point cloud, best with normals. No reference is taken."""
         if reference is not None:
             raise MeshError("shape-spectrum is blind and takes no reference")
-        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
-        return self._reader(n_bits, key).read(surface_of_cloud(mesh) if is_cloud else Surface.of(mesh))
+        return self.reader(n_bits, key).read(self.sights(mesh))
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the borders, up to 128."""
@@ -123,5 +125,20 @@ class ShapeSpectrum(Method):
         """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
         return np.asarray(LADDER * _SPREAD * self.mrms / np.sqrt(max(n_bits, _LEAST_PROJECTIONS)))
 
-    def _reader(self, n_bits: int, key: Key) -> Reader:
-        return Reader(self.projections(key, n_bits), self.steps(n_bits), n_bits, self.search)
+    def reader(self, n_bits: int, key: Key) -> Reader:
+        """What reads a key's bits from the sights of any mesh."""
+        return Reader(self.projections(key, n_bits), self.steps(n_bits), n_bits)
+
+    def sights(self, mesh: Any) -> Sights:
+        """What there is to see in a mesh or point cloud, for the readers of any number of keys."""
+        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
+        surface = surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
+        return Sights(surface, self.band, search=self.search)
+
+    def _plans(self, cover: Cover, wanted: Floats, limit: float) -> list[Plan]:
+        steps = self.steps(len(wanted))
+        return plans(cover.values, wanted, cover.projections.dither, steps, cover.cost, self.slack, limit)
+
+    def _reads(self, marked: Surface, message: NDArray[np.uint8], key: Key) -> bool:
+        seen = Sights(marked, self.band, search=self.search)
+        return np.array_equal(self.reader(len(message), key).read(seen).bits, message)
