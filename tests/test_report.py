@@ -11,14 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from o3dmark.campaign import Campaign, Ledger, failed_rows, job, read_rows, run
+from o3dmark.attacks import attack_all
+from o3dmark.campaign import Campaign, Ledger, failed_rows, job, read_rows, run, trial
 from o3dmark.errors import SpecError
 from o3dmark.files import write_mesh
+from o3dmark.geometry import Floats
 from o3dmark.mesh import TriangleMesh
-from o3dmark.report import write_report
-from o3dmark.report.content import compared, number, signed, tone_of
+from o3dmark.report import gallery, write_report
+from o3dmark.report.content import TONES, compared, number, signed, tone_of
 from o3dmark.report.data import interval, strength
+from o3dmark.report.drawing import axes_for
 from o3dmark.report.paper import PAPER
+from o3dmark.report.rank import counterparts, rank_correlation
+from o3dmark.synthetic import make
 
 TOML = """
 title = "a <small> campaign"
@@ -48,6 +53,9 @@ saliency = "first"
 meshes = ["Bimba"]
 attacks = ["noise/0.50%", "subdivision/loop"]
 """
+
+
+RANKS = "Rank correlation of saliency with the cover's"
 
 
 def ball() -> TriangleMesh:
@@ -206,7 +214,7 @@ def test_the_page_is_whole_and_loads_nothing(folder: Path) -> None:
 
 def test_figures_take_their_ink_from_the_page(folder: Path) -> None:
     page = (folder / "report.html").read_text()
-    assert page.count("<svg") == 4  # noise, subdivision, detection, false positives
+    assert page.count("<svg") == 5  # noise, subdivision, detection, false positives, comparison on the bunny
     assert "currentColor" in page
     assert "#010203" not in page
 
@@ -235,17 +243,132 @@ def test_no_rows_no_report(tmp_path: Path) -> None:
         write_report(tmp_path)
 
 
-def test_the_gallery_is_in_the_page(tmp_path: Path) -> None:
+def test_the_gallery_is_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     invented(plan_in(tmp_path), tmp_path / "out")
-    _, page = write_report(tmp_path / "out")
+    marked: list[str] = []
+    monkeypatch.setattr(gallery, "trial", lambda job: marked.append(job.mesh.name) or trial(job))
+    markdown, page = write_report(tmp_path / "out")
+    assert marked == ["Bimba"]  # once, and no mesh but the gallery's
     pictures = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', page.read_text())
-    assert len(pictures) == 4 + 2 + 3  # the mesh; after attacks; saliency before and after them
+    assert len(pictures) == 3 + 2 + 2 + 4  # saliency; cover and marked; after attacks; saliency: cover, marked, after
     assert all(base64.b64decode(picture)[:2] == b"\xff\xd8" for picture in pictures)
-    assert "rank correlation" in page.read_text()
+    ranks = {row["Spearman's ρ of saliency"]: row for row in tables(markdown.read_text())[RANKS]}
+    assert list(ranks) == ["marked", "noise 0.50%", "subdivision loop"]
+    assert all(f"<small>ρ = {row['Bimba']}</small>" in page.read_text() for row in ranks.values())
     (tmp_path / "ball.ply").unlink()
-    job._mesh.cache_clear()
+    job.cover_of.cache_clear()
     _, page = write_report(tmp_path / "out")
     assert "Bimba: not drawn" in page.read_text()
+
+
+@pytest.fixture(scope="module")
+def vase() -> TriangleMesh:
+    return make("vase:vertices=1500")
+
+
+def wave(mesh: TriangleMesh) -> Floats:
+    """A number for each vertex that depends on its place alone."""
+    return np.sin(np.asarray(mesh.vertices) @ [3.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("attack", ["similarity", "noise:amplitude=0.003", "smooth:iterations=30", "quantise:bits=8"])
+def test_counterparts_go_by_number_while_the_triangulation_lasts(vase: TriangleMesh, attack: str) -> None:
+    attacked = attack_all(vase, (attack, "similarity"), 5)
+    found = counterparts(np.asarray(vase.vertices), np.asarray(attacked.vertices))
+    assert found.tolist() == list(range(len(vase.vertices)))
+
+
+@pytest.mark.parametrize(
+    ("attack", "reach"), [("reorder", 0.0), ("crop:share=0.3", 0.0), ("subdivide:scheme=midpoint", 0.501)]
+)
+def test_counterparts_are_nearest_otherwise(vase: TriangleMesh, attack: str, reach: float) -> None:
+    """At the same place, or half an edge away at most."""
+    cover, attacked = np.asarray(vase.vertices), np.asarray(attack_all(vase, (attack,), 5).vertices)
+    corners = cover[np.asarray(vase.triangles)]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
+    gaps = np.linalg.norm(cover[counterparts(cover, attacked)] - attacked, axis=1)
+    assert len(gaps) == len(attacked)
+    assert gaps.max() <= reach * longest + 1e-9
+
+
+def test_rank_correlation_is_of_the_order_alone(vase: TriangleMesh) -> None:
+    before = wave(vase)
+    assert rank_correlation(vase, before, vase, np.exp(5 * before)) == pytest.approx(1.0)
+    assert rank_correlation(vase, before, vase, -before) == pytest.approx(-1.0)
+    noise = np.random.default_rng(0).uniform(size=len(before))
+    assert abs(rank_correlation(vase, before, vase, noise) or 1.0) < 0.1
+    assert rank_correlation(vase, before, vase, np.ones(len(before))) is None
+
+
+def test_rank_correlation_follows_vertices_through_renumbering_and_motion(vase: TriangleMesh) -> None:
+    shuffled = attack_all(vase, ("reorder",), 3)
+    moved = TriangleMesh(shuffled)
+    moved.scale(7.0, center=np.array([1.0, 2.0, 3.0]))
+    moved.rotate(TriangleMesh.get_rotation_matrix_from_xyz((0.5, 1.0, -2.0)))
+    moved.translate((100.0, -20.0, 3.0))
+    assert rank_correlation(vase, wave(vase), shuffled, wave(shuffled)) == pytest.approx(1.0)
+    assert (rank_correlation(vase, wave(vase), moved, wave(shuffled)) or 0.0) > 0.99
+
+
+def section_of(folder: Path, title: str) -> str:
+    """The HTML of one section of the report."""
+    page = (folder / "report.html").read_text()
+    start = page.index(f"<h2>{title}</h2>")
+    return page[start : page.index("</section>", start)]
+
+
+def test_rivals_are_drawn_beside_ours_on_the_same_model(folder: Path) -> None:
+    section = section_of(folder, "Comparison with published methods")
+    drawing = section[section.index("<h3>Noise: Bunny</h3>") : section.index("</svg>")]
+    for name in ("Cho 2007", "Zhan 2014", "the paper's method", "first", "second"):
+        assert f">{name}</text>" in drawing.replace("&#x27;", "'")
+    assert "none of the models" not in section
+
+
+def test_without_a_common_model_the_comparison_says_so(tmp_path: Path) -> None:
+    invented(plan_in(tmp_path, TOML.replace("Bunny =", "Rabbit =")), tmp_path / "out")
+    write_report(tmp_path / "out", pictures=False)
+    section = section_of(tmp_path / "out", "Comparison with published methods")
+    assert "none of the models" in section
+    assert section.count("<svg") == 1
+
+
+def test_a_campaign_without_the_papers_conditions_is_compared_with_nothing(tmp_path: Path) -> None:
+    others = TOML.replace("attacks.noise", "attacks.hiss").replace("attacks.subdivision", "attacks.division")
+    others = others.replace("noise/0", "hiss/0").replace("subdivision/loop", "division/loop")
+    invented(plan_in(tmp_path, others), tmp_path / "out")
+    markdown, page = write_report(tmp_path / "out", pictures=False)
+    found = tables(markdown.read_text())
+    assert "All methods in the paper's conditions" not in found
+    assert "mean Corr, all attacks" in found["At a glance"][0]
+    assert TONES["better"] not in page.read_text()
+
+
+def test_the_page_says_what_colours_and_methods_are(folder: Path) -> None:
+    page, found = (folder / "report.html").read_text(), tables((folder / "report.md").read_text())
+    assert all(escape(text) in page for text in TONES.values())
+    methods = {row[""]: row for row in found["The methods"]}
+    assert methods["first"]["its reader needs"] == "key alone (blind)"
+    assert "Hamidi" in methods["first"]["how it works"]
+    assert "share = 1 (" in methods["second"]["options not at their default"]
+
+
+@pytest.mark.parametrize(
+    ("conditions", "places", "scaled"),
+    [
+        (("11 bit", "7 bit"), (11, 7), True),
+        (("0.05%", "0.50%"), (0.05, 0.5), True),
+        (("loop", "midpoint", "sqrt3"), (0, 1, 2), False),
+        (("5 it", "loop"), (0, 1), False),
+    ],
+)
+def test_conditions_stand_by_their_strength_with_the_strongest_on_the_right(
+    conditions: tuple[str, ...], places: tuple[float, ...], scaled: bool
+) -> None:
+    _, axes, x, by_strength = axes_for(conditions)
+    assert (tuple(x), by_strength) == (places, scaled)
+    shown = axes.transData.transform(np.stack([x, 0 * x], axis=1))[:, 0]
+    assert (np.diff(shown) > 0).all()
 
 
 def test_the_papers_figures_are_complete() -> None:

@@ -54,7 +54,7 @@ def trial(job: Job) -> Trial:
     """Mark the job's mesh. Errors: as in `Watermark.embed`, and MeshError when the mesh cannot be had."""
     watermark = Watermark(METHODS.make(job.method), CODES.make(job.code), job.n_bits)
     message, key = _message(watermark, job.seed), key_of(f"seed {job.seed}")
-    cover = _mesh(job.mesh)
+    cover = cover_of(job.mesh)
     started = time.perf_counter()
     marked = watermark.embed_bits(cover, _bits(watermark, message, key, job.seed), key)
     return Trial(watermark, key, message, cover, marked, time.perf_counter() - started)
@@ -147,7 +147,8 @@ def _cost(job: Job, marked: Trial) -> Row:
 
 
 @lru_cache(maxsize=2)
-def _mesh(source: Source) -> Any:
+def cover_of(source: Source) -> Any:
+    """The mesh of a source; the last two are kept. Errors: MeshError when a file is gone or is another one now."""
     if not source.digest:
         return make(source.source)
     mesh = read_mesh(source.source)

@@ -16,7 +16,8 @@ from o3dmark.report.gallery import gallery_sections
 from o3dmark.report.header import facts, tiles
 from o3dmark.report.markdown import markdown
 from o3dmark.report.page import page
-from o3dmark.report.paper import comparison_sections, imperceptibility_section, paper_section
+from o3dmark.report.paper import imperceptibility_section, paper_section
+from o3dmark.report.published import comparison_sections
 from o3dmark.report.tables import failure_section, other_attacks_section, overview_section, wrong_key_section
 
 

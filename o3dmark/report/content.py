@@ -4,7 +4,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 Tone = Literal["", "better", "same", "below", "far"]
-_NEAR, _FAR = 0.03, 0.15  # differences of Corr
+_NEAR, _FAR = 0.03, 0.15  # differences of Corr, or relative ones where less is better
+TONES: dict[Tone, str] = {
+    "better": "better than the paper",
+    "same": f"the same within {_NEAR:g}",
+    "below": f"up to {_FAR:g} below",
+    "far": "further below",
+}
 
 
 @dataclass(frozen=True)
@@ -18,13 +24,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under a head; the first cell of a row names it. ``folded``: shown on demand, where that can be."""
+    """Rows of cells under a head; the first cell of a row names it.
+
+    ``folded``: shown on demand, where that can be. ``prose``: the cells are words to read, not figures to compare.
+    """
 
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
     folded: bool = False
+    prose: bool = False
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from importlib.resources import files
 from itertools import groupby
 from string import Template
 
-from o3dmark.report.content import Block, Cell, Figure, Picture, Section, Table
+from o3dmark.report.content import TONES, Block, Cell, Figure, Picture, Section, Table
 
 _LONG = 40  # characters from which a cell's text may be broken
 
@@ -19,9 +19,15 @@ def page(title: str, facts: Mapping[str, str], tiles: Mapping[str, Cell], sectio
         title=escape(title),
         facts="".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()),
         tiles="".join(_tile(name, cell) for name, cell in tiles.items()),
+        tones=_legend() if any(cell.tone for cell in tiles.values()) else "",
         contents="".join(f'<a href="#{_anchor(section)}">{escape(section.title)}</a>' for section in sections),
         sections="".join(map(_section, sections)),
     )
+
+
+def _legend() -> str:
+    """What the colours mean, where there is something to compare with."""
+    return "".join(f'<span class="{tone}">{escape(text)}</span>' for tone, text in TONES.items())
 
 
 def _tile(name: str, cell: Cell) -> str:
@@ -70,7 +76,10 @@ def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in table.head)
     rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
     caption = f'<p class="intro">{escape(table.caption)}</p>' if table.caption else ""
-    body = f'{caption}<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    kind = ' class="prose"' if table.prose else ""
+    body = (
+        f'{caption}<div class="scroll"><table{kind}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    )
     if table.folded:
         return f"<details><summary>{escape(table.title)}</summary>{body}</details>"
     return (f"<h3>{escape(table.title)}</h3>" if table.title else "") + body

@@ -5,24 +5,17 @@ quantization and mesh saliency for copyright protection", 2019.
 """
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 
-from o3dmark.report.content import Cell, Section, Table, compared, number
+from o3dmark.report.content import Cell, Section, Table, compared
 from o3dmark.report.data import Contestant, Results, Row, corr, mean, strength
 
 METRICS = {
     "mrms_e-3": ("mrms", 1e3, "MRMS · 10³"),
     "hd_e-3": ("hausdorff", 1e3, "HD · 10³"),
     "msdm": ("msdm", 1.0, "MSDM"),
-}
-_NAMES = {
-    "hamidi": "the paper's method",
-    "cho2007": "Cho 2007",
-    "zhan2014": "Zhan 2014",
-    "rolland2014": "Rolland-Nevière 2014",
-    "son2017": "Son 2017",
 }
 
 
@@ -101,7 +94,6 @@ def paper_section(results: Results) -> Section:
     ]
     intro = (
         "Corr, model by model: our figure, the mean over the seeds, large; the paper's and the difference below it."
-        " Green is better than the paper, grey the same within 0.03, amber up to 0.15 below, red further below."
         " Means are over the models that both have. What stands in for the paper's models is named at the end."
     )
     return Section("The paper's robustness tables", intro, tuple(tables))
@@ -133,7 +125,7 @@ def imperceptibility_section(results: Results) -> Section:
     for who in results.contestants:
         if who.label not in named:
             rows = [_cost_row(results, who, "", key) for key in METRICS]
-            tables.append(Table(who.name, head, tuple(rows), folded=True))
+            tables.append(Table(who.name, head, tuple(rows), folded=bool(named)))
     intro = (
         "What the mark costs: MRMS and Hausdorff distance in thousandths of the bounding-box diagonal; MSDM is 0 for"
         " equal meshes and near 1 where nothing looks alike. Here less is better; colours as above, for relative"
@@ -157,59 +149,3 @@ def _cost_row(results: Results, who: Contestant, line: str, key: str) -> tuple[C
         for mesh in results.campaign.meshes
     ]
     return (Cell(title), *cells, compared(overall, theirs, low=True))
-
-
-def comparison_sections(results: Results) -> Iterator[Section]:
-    """The paper's comparisons with other methods, continued with our contestants on the same models."""
-    meshes = {mesh.name for mesh in results.campaign.meshes}
-    tables = [
-        _comparison(results, f"{group} comparison", group, model)
-        for group in results.groups
-        for model in PAPER.models(f"{group} comparison")
-        if model in meshes
-    ]
-    models = (model for model in PAPER.models("imperceptibility comparison") if model in meshes)
-    tables += [_cost_comparison(results, model) for model in models]
-    intro = "The paper's own comparisons: its figures for other methods and for itself, then ours on the same model."
-    yield Section("Comparison with published methods", intro, tuple(tables))
-
-
-def _comparison(results: Results, table: str, group: str, model: str) -> Table:
-    conditions = [each for each in results.groups[group] if PAPER.value(table, each, model) is not None]
-    rows = [
-        (
-            Cell(f"{_NAMES[method]}, as published"),
-            *(Cell(number(PAPER.value(table, each, model, method=method))) for each in conditions),
-        )
-        for method in PAPER.methods(table)
-    ]
-    rows += [
-        (
-            Cell(who.name),
-            *(
-                compared(corr(results.of(who, group, each, model)), PAPER.value(table, each, model))
-                for each in conditions
-            ),
-        )
-        for who in results.contestants
-    ]
-    return Table(f"{group.capitalize()}: {model}", ("Corr", *conditions), tuple(rows))
-
-
-def _cost_comparison(results: Results, model: str) -> Table:
-    table, keys = "imperceptibility comparison", ("mrms_e-3", "msdm")
-    rows = [
-        (
-            Cell(f"{_NAMES[method]}, as published"),
-            *(Cell(number(PAPER.value(table, "", model, key, method))) for key in keys),
-        )
-        for method in PAPER.methods(table)
-    ]
-    for who in results.contestants:
-        costs = [(results.cost(who, METRICS[key][0], model), METRICS[key][1], key) for key in keys]
-        cells = (
-            compared(None if cost is None else factor * cost, PAPER.value(table, "", model, key), low=True)
-            for cost, factor, key in costs
-        )
-        rows.append((Cell(who.name), *cells))
-    return Table(f"Imperceptibility: {model}", ("", *(METRICS[key][2] for key in keys)), tuple(rows))

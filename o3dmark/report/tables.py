@@ -1,10 +1,14 @@
 """The tables that are ours alone: the overview, attacks that the paper has not, wrong keys, failures."""
 
+import inspect
 from collections import Counter
+from typing import Any
 
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.detection import Rate
-from o3dmark.report.content import Cell, Section, Table, compared, number
+from o3dmark.methods import METHODS
+from o3dmark.registry import describe
+from o3dmark.report.content import Cell, Section, Table, Tone, compared, number
 from o3dmark.report.data import Contestant, Results, Row, corr, mean
 from o3dmark.report.paper import PAPER, both
 
@@ -12,42 +16,67 @@ _WORDS = 140  # length of a failure's reason that is worth showing
 
 
 def overview_section(results: Results) -> Section:
-    """One line for every condition: the paper's mean, and each contestant's."""
-    rows = [_overview_row(results, UNTOUCHED, "-")]
-    rows += [
-        _overview_row(results, group, condition)
-        for group, conditions in results.groups.items()
-        if PAPER.models(group)
-        for condition in conditions
-    ]
-    head = ("Corr, mean over meshes and seeds", "paper", *(who.name for who in results.contestants))
-    tables = [_glance(results), Table("All methods in the paper's conditions", head, tuple(rows)), _messages(results)]
-    intro = (
-        "Corr is 1 when every bit was read, 0 on average by chance. Colours compare with the paper's mean over the same"
-        " models: green better, grey the same within 0.03, amber up to 0.15 below, red further below."
-    )
+    """The contestants; one line for every condition of the paper, its mean and each contestant's; messages."""
+    conditions = _paper_conditions(results)
+    tables = [_glance(results), _methods(results), _messages(results)]
+    intro = "Corr is 1 when every bit was read, 0 on average by chance."
+    if conditions:
+        intro += " Colours and arrows compare with the paper's mean over the same models."
+        rows = tuple(_overview_row(results, *each) for each in [(UNTOUCHED, "-"), *conditions])
+        head = ("Corr, mean over meshes and seeds", "paper", *(who.name for who in results.contestants))
+        tables.insert(2, Table("All methods in the paper's conditions", head, rows))
     return Section("Overview", intro, tuple(tables))
+
+
+def _paper_conditions(results: Results) -> list[tuple[str, str]]:
+    """The campaign's conditions that are in a table of the paper: (table, condition)."""
+    return [(group, each) for group, listed in results.groups.items() if PAPER.models(group) for each in listed]
 
 
 def _glance(results: Results) -> Table:
     """One line for every contestant."""
-    conditions = [(g, c) for g, listed in results.groups.items() if PAPER.models(g) for c in listed]
+    conditions = _paper_conditions(results)
+    considered = conditions or [(group, each) for group, listed in results.groups.items() for each in listed]
     rows = []
     for who in results.contestants:
-        pairs = [both(results, who, *each) for each in conditions]
+        pairs = [both(results, who, *each) for each in considered]
         costs = (results.cost(who, "mrms"), results.cost(who, "hausdorff"))
         rows.append(
             (
-                Cell(who.name, results.campaign.methods[who.label]),
-                compared(mean(corr(ours) for ours, _ in pairs), mean(theirs for _, theirs in pairs)),
+                Cell(who.name),
+                compared(
+                    mean(corr(ours) for ours, _ in pairs), mean(theirs for _, theirs in pairs) if conditions else None
+                ),
                 _share(results.attacked(who), "message_ok"),
                 *(Cell(number(None if cost is None else 1e3 * cost)) for cost in costs),
                 Cell(number(results.cost(who, "msdm"))),
                 Cell(number(mean(row["seconds"] for row in results.attacked(who)), 1)),
             )
         )
-    head = ("", "mean Corr, paper's conditions", "messages read", "MRMS · 10³", "HD · 10³", "MSDM", "s a reading")
+    where = "paper's conditions" if conditions else "all attacks"
+    head = ("", f"mean Corr, {where}", "messages read", "MRMS · 10³", "HD · 10³", "MSDM", "s a reading")
     return Table("At a glance", head, tuple(rows))
+
+
+def _methods(results: Results) -> Table:
+    """What each contestant is, in the words of its own class, and what sets it apart from the method's defaults."""
+    rows = []
+    for label, spec in results.campaign.methods.items():
+        method = METHODS.make(spec)
+        needs = "key and cover mesh" if method.informed else "key alone (blind)"
+        says = (inspect.getdoc(type(method)) or "").partition("\n")[0]
+        rows.append((Cell(label), Cell(says), Cell(needs), Cell(_options(method))))
+    head = ("", "how it works", "its reader needs", "options not at their default")
+    return Table("The methods", head, tuple(rows), prose=True)
+
+
+def _options(method: Any) -> str:
+    changed = [
+        f"{name} = {value if isinstance(value, str) else format(value, 'g')} ({doc.partition(';')[0]})"
+        for name, _, default, doc in describe(type(method))
+        if (value := getattr(method, name)) != default
+    ]
+    return ", ".join(changed) or "none"
 
 
 def _overview_row(results: Results, group: str, condition: str) -> tuple[Cell, ...]:
@@ -86,9 +115,11 @@ def other_attacks_section(results: Results) -> Section:
         for group, conditions in results.groups.items()
         if not PAPER.models(group)
     ]
-    return Section(
-        "Attacks beyond the paper", "Mean Corr of the raw bits, and messages read back exactly.", tuple(tables)
+    intro = (
+        "Mean Corr of the raw bits, and messages read back exactly. Here colours and arrows count messages: up where"
+        " all were read, down where some were, twice down where none was."
     )
+    return Section("Attacks beyond the paper", intro, tuple(tables))
 
 
 def wrong_key_section(results: Results) -> Section:
@@ -120,7 +151,9 @@ def failure_section(results: Results) -> Section:
     )
     rows = [(*(Cell(str(part)) for part in key), Cell(str(count))) for key, count in sorted(counts.items())]
     head = ("method", "mesh", "at", "reason", "rows")
-    return Section("Failures", "Readings that did not take place.", (Table("", head, tuple(rows)),) if rows else ())
+    return Section(
+        "Failures", "Readings that did not take place.", (Table("", head, tuple(rows), prose=True),) if rows else ()
+    )
 
 
 def _unmarked(row: Row) -> bool:
@@ -137,4 +170,6 @@ def _share(rows: list[Row], field: str) -> Cell:
 
 def _reading(results: Results, who: Contestant, group: str, condition: str) -> Cell:
     rows = results.of(who, group, condition)
-    return Cell(number(corr(rows)), _share(rows, "message_ok").text)
+    read = [bool(row["message_ok"]) for row in rows if row["message_ok"] is not None]
+    tone: Tone = "" if not read else "better" if all(read) else "below" if any(read) else "far"
+    return Cell(number(corr(rows)), _share(rows, "message_ok").text, tone)
