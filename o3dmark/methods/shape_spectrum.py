@@ -41,7 +41,7 @@ from o3dmark.registry import option
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
 
-LADDER = 1.07 ** np.arange(14.0, -15.0, -1.0)  # of steps, around the one that the options suggest, largest first
+LADDER = 1.07 ** np.arange(14.0, -31.0, -1.0)  # of steps, around the one that the options suggest, largest first
 _SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; lengths over the radius of gyration
 _LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
 _VERTICES_A_BIT = 8
