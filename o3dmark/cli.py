@@ -335,10 +335,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _fail(name: str, text: str, code: int, json: bool, talk: bool = True) -> int:
-    if talk:
-        _say(text)
     if json:
         print(json_text.dumps({"error": name, "message": text}))
+    elif talk:
+        _say(text)
     return code
 
 
@@ -388,8 +388,8 @@ def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
 
         return [Saliency()(shape) for shape in shapes]
     if kind == "distance":
+        from o3dmark.closest import closest_points
         from o3dmark.mesh import Surface, mesh_arrays
-        from o3dmark.metrics.closest import closest_points
 
         first = Surface.of(shapes[0])
         distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]

@@ -3,9 +3,13 @@
     python scripts/oracle_table.py ORACLE_FOLDER [PAIR_PREFIX ...]
 
 ORACLE_FOLDER holds pairs.csv (pair, original, distorted), pairs/*.ply, and metrics.csv (pair, metric, value, tool),
-computed on 2026-11-22. tests/golden/metrics_spot.csv is this script's output for the pairs whose meshes lie beside it:
+computed on 2026-11-22. results/oracle.csv is this script's output for all pairs; tests/golden/metrics_spot.csv is that
+for the pairs whose meshes lie beside it:
 
     python scripts/oracle_table.py ORACLE_FOLDER spot_gauss0.1 spot_unif0.5 spot_lap10 spot_quant8
+
+Lengths are in the units of the vertices. RMS and max are over libigl's and our own random points: one way, the maximum
+may lie at a point that the other did not draw; MRMS and HD are the larger of both ways.
 """
 
 import csv
@@ -20,7 +24,8 @@ from o3dmark.metrics.msdm import MSDM, MSDM2
 
 DATE = "2026-11-22"
 DIRECTIONS: tuple[Literal["forward", "backward"], ...] = ("forward", "backward")
-TOOLS = {"MSDM": "MEPP1", "MSDM2": "MEPP2", "RMS": "libigl", "max": "libigl", "vertex": "numpy"}
+LIBIGL = ("RMS", "max", "MRMS", "HD")
+TOOLS = {"MSDM": "MEPP1", "MSDM2": "MEPP2", "vertex": "numpy"} | dict.fromkeys(LIBIGL, "libigl")
 
 
 def main(folder: Path, prefixes: list[str]) -> None:
@@ -56,6 +61,8 @@ def our_values(reference: Any, distorted: Any, *, one_to_one: bool) -> dict[str,
         "RMS_bwd": distance.rms_backward * distance.diagonal,
         "max_fwd": distance.max_forward * distance.diagonal,
         "max_bwd": distance.max_backward * distance.diagonal,
+        "MRMS": distance.mrms * distance.diagonal,
+        "HD": distance.hausdorff * distance.diagonal,
         "MSDM2_fwd": directed[0],
         "MSDM2_bwd": directed[1],
         "MSDM2_sym": sum(directed) / 2,

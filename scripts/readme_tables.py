@@ -8,6 +8,7 @@ Between `<!-- table: attacks -->` and `<!-- end -->` stands what this script wri
 import argparse
 import csv
 import inspect
+import re
 import sys
 from pathlib import Path
 from statistics import mean
@@ -96,8 +97,8 @@ def results_table() -> str:
 
 
 def flowing(doc: str) -> str:
-    """A docstring as one table cell: paragraphs become lines."""
-    paragraphs = [" ".join(part.split()) for part in doc.split("\n\n")]
+    """A docstring as one table cell: paragraphs become lines, and so does each "name   meaning" of a list."""
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\n|\n(?=[\w-]+(?:, [\w-]+)* {2,}\S)", doc)]
     return cell("<br>".join(paragraphs))
 
 

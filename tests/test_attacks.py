@@ -11,6 +11,7 @@ from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, Attack, attack_all
 from o3dmark.errors import MeshError, O3dmarkError, SpecError
 from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.metrics.distance import surface_distance
 from o3dmark.registry import describe, spec_of
 
 SMALL = {  # the same attack where the default would be slow
@@ -147,6 +148,31 @@ def test_no_strength_is_the_identity(spec: str) -> None:
     assert same(attacked, mesh)
 
 
+@pytest.mark.parametrize(
+    ("spec", "strengths"),
+    [
+        ("noise:amplitude={}", (1e-4, 5e-4, 1e-3, 3e-3)),
+        ("noise:kind=gaussian,amplitude={}", (1e-4, 5e-4, 1e-3, 3e-3)),
+        ("noise:kind=normal,amplitude={}", (1e-4, 5e-4, 1e-3, 3e-3)),
+        ("quantise:bits={}", (12, 11, 9, 7)),
+        ("smooth:iterations={}", (1, 5, 10, 30)),
+        ("smooth:strength={}", (0.05, 0.1, 0.3)),
+        ("stretch:amount={}", (0.01, 0.1, 0.3)),
+        ("twist:angle={}", (1, 5, 15, 40)),
+        ("bend:angle={}", (1, 5, 15, 40)),
+        ("simplify:ratio={}", (0.1, 0.5, 0.9, 0.975)),
+        ("draco:bits={}", (14, 11, 8)),
+    ],
+)
+def test_a_stronger_attack_changes_the_shape_more(spec: str, strengths: tuple[float, ...], spot: TriangleMesh) -> None:
+    if spec.startswith("draco"):
+        pytest.importorskip("DracoPy")
+    cost = [surface_distance(spot, ATTACKS.make(spec.format(s))(spot, 1), samples=4_000).mrms for s in strengths]
+    assert cost[0] > 0
+    assert cost == sorted(cost)
+    assert len(set(cost)) == len(cost)
+
+
 @pytest.mark.parametrize("spec", SPECS)
 def test_an_attack_is_its_text(spec: str) -> None:
     attack = ATTACKS.make(spec)
@@ -156,7 +182,9 @@ def test_an_attack_is_its_text(spec: str) -> None:
 
 @pytest.mark.parametrize("name", list(ATTACKS))
 def test_every_attack_and_option_explains_itself(name: str) -> None:
-    assert len(ATTACKS[name].__doc__ or "") > 40
+    doc = ATTACKS[name].__doc__ or ""
+    assert len(doc) > 40
+    assert "Source:" in doc
     for option, _, _, doc in describe(ATTACKS[name]):
         assert doc, f"{name}: {option} says nothing"
 

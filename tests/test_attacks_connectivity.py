@@ -208,6 +208,21 @@ def test_a_cropped_plane(seed: int) -> None:
     assert sum(hull) >= 2
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cropped_ribbon_by_hand(seed: int) -> None:
+    """A plane so narrow that every cut is across it: 0.3 of 200 vertices are 30 pairs, at one end."""
+    side = np.repeat([0.0, 1e-3], 100)
+    along = np.tile(np.arange(100.0), 2)
+    first = np.arange(99)
+    corners = np.r_[np.c_[first, first + 1, first + 100], np.c_[first + 1, first + 101, first + 100]]
+    ribbon = triangle_mesh(np.c_[along, side, 0 * side], corners)
+    kept, triangles = mesh_arrays(ATTACKS.make("crop:share=0.3")(ribbon, seed))
+    x = np.unique(kept[:, 0])
+    assert x.tolist() in (list(range(70)), list(range(30, 100)))
+    assert (len(kept), len(triangles)) == (140, 138)
+    assert geometry.areas(kept, triangles).sum() == pytest.approx(69e-3)
+
+
 def test_a_plane_crop_is_a_half_space(spot: TriangleMesh) -> None:
     from scipy.optimize import linprog
 
@@ -254,6 +269,12 @@ def test_holes_open_the_mesh_where_they_say(spot: TriangleMesh) -> None:
     border = geometry.border_vertices(mesh_arrays(after)[1], len(after.vertices))
     assert border.any()
     assert not is_closed(after)
+
+
+def test_holes_in_a_mesh_of_a_few_vertices_keep_to_their_share() -> None:
+    box = TriangleMesh.create_box()  # 8 vertices: a twentieth is less than one
+    assert len(ATTACKS.make("holes")(box, 0).vertices) == 7
+    assert len(ATTACKS.make("holes:share=0.25,count=4")(box, 1).vertices) >= 5
 
 
 @pytest.mark.parametrize("foreign", ["torus", "sphere", "box", "cone"])

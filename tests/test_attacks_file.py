@@ -73,6 +73,15 @@ def test_formats_keep_colours(kind: str) -> None:
     assert np.asarray(after.vertex_colors)[nearest] == pytest.approx(np.asarray(mesh.vertex_colors), abs=1 / 255)
 
 
+@pytest.mark.parametrize("kind", ["ply", "ply-ascii", "obj", "off", "stl", "glb"])
+def test_nothing_is_printed(spot: TriangleMesh, kind: str, capfd: pytest.CaptureFixture[str]) -> None:
+    mesh = TriangleMesh(spot)  # with what most formats cannot keep
+    mesh.triangle_uvs = o3d.utility.Vector2dVector(np.zeros((3 * len(spot.triangles), 2)))
+    mesh.vertex_colors = o3d.utility.Vector3dVector(np.full((2930, 3), 0.5))
+    ATTACKS.make(f"reformat:format={kind}")(mesh)
+    assert "".join(capfd.readouterr()) == ""
+
+
 def test_half_precision_keeps_eleven_bits_wherever_the_mesh_stands(spot: TriangleMesh) -> None:
     far = TriangleMesh(spot).translate((1e5, 0.0, 0.0))
     v, w = mesh_arrays(far)[0], mesh_arrays(ATTACKS.make("float16")(far))[0]

@@ -183,6 +183,15 @@ def test_quantisation_by_hand() -> None:
     assert np.array_equal(moved("quantise:bits=2,grid=cube", mesh), cube)
 
 
+def test_a_quantised_cube_by_hand() -> None:
+    thirds = TriangleMesh.create_box(3.0, 3.0, 3.0)
+    thirds = triangle_mesh(np.r_[mesh_arrays(thirds)[0], [[1, 2, 0], [2, 1, 3]]], [*mesh_arrays(thirds)[1], [0, 8, 9]])
+    before, after = mesh_arrays(thirds)[0], moved("quantise:bits=2", thirds)  # levels 0, 0.75, 1.5, 2.25, 3
+    assert np.array_equal(after[:8], before[:8])
+    assert np.array_equal(after[8:], [[0.75, 2.25, 0], [2.25, 0.75, 3]])
+    assert moved("quantise:bits=1", thirds)[8:].tolist() == [[1.5, 1.5, 0], [1.5, 1.5, 3]]  # levels 0, 1.5, 3
+
+
 @pytest.mark.parametrize("bits", [7, 9, 11])
 def test_quantisation_moves_by_half_a_step_at_most_and_once(spot: TriangleMesh, bits: int) -> None:
     v, spec = mesh_arrays(spot)[0], f"quantise:bits={bits}"
@@ -210,6 +219,29 @@ def test_the_umbrella_by_hand() -> None:
     assert w[0] == pytest.approx([0.27, 0.09, 0.9])  # nine tenths of the apex, a tenth of the square's centre, 0
     assert np.array_equal(w[1:], v[1:])
     assert moved("smooth:iterations=2,strength=0.1", fan())[0] == pytest.approx(0.81 * v[0])
+
+
+def valley(n: int = 6) -> tuple[TriangleMesh, np.ndarray]:
+    """A plane folded up on both sides of x = 3, inner vertices with six neighbours; and its vertices (49, 3)."""
+    x, y = (side.ravel().astype(np.float64) for side in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    triangles = np.r_[np.c_[first, first + 1, first + n + 2], np.c_[first, first + n + 2, first + n + 1]]
+    vertices = np.c_[x, y, np.abs(x - n / 2)]
+    return triangle_mesh(vertices, triangles), vertices
+
+
+def test_a_smoothed_edge_by_hand() -> None:
+    mesh, v = valley()
+    once, many = (moved(f"smooth:iterations={k},strength=0.3", mesh) for k in (1, 4))
+    inner = ((v[:, :2] > 0) & (v[:, :2] < 6)).all(axis=1)
+    edge = inner & (v[:, 0] == 3)
+    assert once[edge, 2] == pytest.approx(np.full(5, 0.3 * 4 / 6))  # four of six neighbours stand one higher
+    assert once[inner & ~edge] == pytest.approx(v[inner & ~edge])  # planes stay planes
+    assert np.array_equal(once[~inner], v[~inner])
+    deep = edge & (v[:, 1] == 3)  # out of the border's reach
+    second = 0.2 + 0.3 * ((2 * 0.2 + 4 * 1.0) / 6 - 0.2)
+    assert moved("smooth:iterations=2,strength=0.3", mesh)[deep, 2] == pytest.approx(second)
+    assert many[deep, 2] > second
 
 
 def test_cotangents_by_hand() -> None:

@@ -80,6 +80,13 @@ def test_simplification_keeps_some_vertices_where_they_are(spot: TriangleMesh, s
     assert KDTree(mesh_arrays(spot)[0]).query(mesh_arrays(after)[0])[0].max() < 1e-6
 
 
+@pytest.mark.parametrize("spec", ["meshopt-simplify:ratio=0.8"])
+def test_a_soup_is_simplified_as_the_surface_that_it_is(spot: TriangleMesh, spec: str) -> None:
+    whole, soup = (ATTACKS.make(spec)(mesh) for mesh in (spot, ATTACKS.make("unweld")(spot)))
+    assert len(soup.triangles) == len(whole.triangles)
+    assert len(soup.vertices) == len(whole.vertices)
+
+
 @pytest.mark.parametrize("spec", ["meshopt-simplify:ratio=0.9,error=0.001"])
 def test_simplification_stops_at_its_error(spot: TriangleMesh, spec: str) -> None:
     assert len(ATTACKS.make(spec)(spot).triangles) > 0.15 * 5856

@@ -157,7 +157,10 @@ def test_agrees_with_libigl(pair, spot):
         "RMS_bwd": distance.rms_backward,
         "max_fwd": distance.max_forward,
         "max_bwd": distance.max_backward,
+        "MRMS": distance.mrms,
+        "HD": distance.hausdorff,
     }
+    assert set(ours) <= {row["metric"] for row in golden() if row["pair"] == pair}
     for row in golden():
         if row["pair"] == pair and row["metric"] in ours:
             assert "libigl 2.6.3" in row["program"]

@@ -19,8 +19,8 @@ LAYERS = """
     geometry registry
     mesh keys
     files
-    curvature spectrum scs registration unfilter solid cloud curved
-    moments
+    curvature spectrum scs registration unfilter solid cloud curved closest
+    moments placing
     frame
     saliency detection synthetic
     payload
@@ -35,7 +35,7 @@ LAYERS = """
 """
 LEVEL = {unit: level for level, line in enumerate(LAYERS.split("\n")) for unit in line.split()}
 DOORS = {
-    "open3d": {"mesh", "files", "saliency", "view", "synthetic", "attacks"},
+    "open3d": {"mesh", "files", "saliency", "view", "synthetic", "attacks", "placing"},
     "pymeshlab": {"attacks._meshlab"},
     "finufft": {"spectrum"},
     "matplotlib": {"report", "view"},

@@ -55,7 +55,8 @@ class Crop(Attack):
 class Holes(Attack):
     """Round holes: around each of ``count`` random vertices the nearest ones go, with every triangle that uses one.
 
-    Each hole takes the same number of vertices; holes may overlap, so that ``share`` is an upper limit.
+    Each hole takes the same number of vertices; holes may overlap, so that ``share`` is an upper limit but for the
+    vertices left without a triangle, which go too. Source: defined here, after what scanners leave out.
     """
 
     share: float = option(0.05, "share of the vertices in all holes together, 0 to 0.9; 0: none")
@@ -70,9 +71,10 @@ class Holes(Attack):
         if not self.share:
             return copied(mesh)
         used = np.unique(triangles)
-        size = max(1, round(self.share * len(used) / self.count))
+        count = min(self.count, max(1, round(self.share * len(used))))  # of a few vertices, not all holes fit
+        size = max(1, round(self.share * len(used) / count))
         gone = []
-        for centre in rng.choice(used, min(self.count, len(used)), replace=False):
+        for centre in rng.choice(used, count, replace=False):
             distance = np.linalg.norm(vertices[used] - vertices[centre], axis=1)
             gone.append(used[np.argsort(distance, kind="stable")[:size]])
         return _without(mesh, np.concatenate(gone), f"holes:share={self.share}")
@@ -85,6 +87,7 @@ class Paste(Attack):
 
     The foreign object is a primitive of Open3D, of ``size`` times the fragment's diagonal, turned at random, one of its
     vertices touching the fragment. Texture coordinates are dropped; the foreign object is grey where there are colours.
+    Source: defined here; what theft of a part looks like to the owner.
     """
 
     share: float = option(0.5, "share of the vertices cut off first, 0 to 0.99; 0: the whole mesh is pasted")

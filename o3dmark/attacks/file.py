@@ -19,7 +19,7 @@ from o3dmark.registry import option
 @ATTACKS.register("identity")
 @dataclass(frozen=True)
 class Identity(Attack):
-    """Nothing happens: the mesh as it is, copied."""
+    """Nothing happens: the mesh as it is, copied. Source: the control that every table of the field begins with."""
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
         return copied(mesh)
@@ -30,7 +30,7 @@ class Identity(Attack):
 class Reorder(Attack):
     """Vertices and triangles in random order, triangles named from a random corner; the winding is kept.
 
-    Source: Wang, Lavoue, Denis and Baskurt 2010, A benchmark for 3D mesh watermarking, "element reordering".
+    Source: Wang et al. 2010, A benchmark for 3D mesh watermarking, "element reordering".
     """
 
     vertices: bool = option(True, "permute the vertices")
@@ -64,6 +64,7 @@ class Reformat(Attack):
     glb          float32, vertices in another order
 
     PLY and OFF keep colours to 1/255, STL none. Texture coordinates are kept where Open3D keeps them.
+    Source: what conversion between programs does; the files are those that Open3D writes and reads.
     """
 
     format: Literal["ply", "ply-ascii", "obj", "off", "stl", "glb"] = option("obj", "file format")
@@ -73,7 +74,8 @@ class Reformat(Attack):
         with tempfile.TemporaryDirectory(prefix="o3dmark-") as folder:
             path = Path(folder) / f"mesh.{self.format.removesuffix('-ascii')}"
             if self.format == "ply-ascii":
-                o3d.io.write_triangle_mesh(str(path), legacy(mesh), write_ascii=True)
+                with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+                    o3d.io.write_triangle_mesh(str(path), legacy(mesh), write_ascii=True)
             else:
                 files.write_mesh(path, legacy(mesh))
             return files.read_mesh(path)
@@ -85,6 +87,8 @@ class Float16(Attack):
     """Coordinates kept in half precision (11 significant bits), relative to the centre of the bounding box.
 
     They are scaled so that half of the longest side is one: half precision ends at 65504 and its grid is finest at 0.
+    A coordinate moves by at most 2^-12 of half of the longest side. Source: IEEE 754, binary16, as graphics cards take
+    vertices.
     """
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
@@ -100,6 +104,7 @@ class Weld(Attack):
     """Vertices at exactly equal positions become one, with the attributes of the first; triangles are all kept.
 
     Triangles that repeat a corner after that are kept too: their number does not change.
+    Source: what importers do to a triangle soup ("merge by distance 0").
     """
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
@@ -111,7 +116,7 @@ class Weld(Attack):
 @ATTACKS.register("unweld")
 @dataclass(frozen=True)
 class Unweld(Attack):
-    """A triangle soup: every triangle has three vertices of its own, as STL files store it; unused vertices go."""
+    """A triangle soup: every triangle has three vertices of its own; unused vertices go. Source: STL files."""
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
         _, triangles = checked_arrays(mesh)

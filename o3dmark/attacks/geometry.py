@@ -47,7 +47,10 @@ class Similarity(Attack):
 @ATTACKS.register("stretch")
 @dataclass(frozen=True)
 class Stretch(Attack):
-    """Each axis scaled about the mean of the vertices by its own random factor, U(1 - amount, 1 + amount)."""
+    """Each axis scaled about the mean of the vertices by its own random factor, U(1 - amount, 1 + amount).
+
+    Source: the affine transform with no rotation or shear; the benchmark has similarities alone.
+    """
 
     amount: float = option(0.1, "largest relative change of an axis, below 1; 0: none")
 
@@ -67,7 +70,10 @@ class Stretch(Attack):
 @ATTACKS.register("mirror")
 @dataclass(frozen=True)
 class Mirror(Attack):
-    """Reflected in the plane through the mean of the vertices across one axis; triangles wound outward again."""
+    """Reflected in the plane through the mean of the vertices across one axis; triangles wound outward again.
+
+    Source: the mirror command of every modelling program; an isometry, but no similarity that keeps orientation.
+    """
 
     axis: Literal["x", "y", "z"] = option("x", "axis whose coordinates change sign about the centre")
 
@@ -84,6 +90,7 @@ class Axes(Attack):
     """Coordinates in another order, as between programs whose up is Y and whose up is Z.
 
     An exchange of two axes is a reflection: the triangles are wound outward again. "xyz" leaves the mesh as it is.
+    Source: file formats that differ in what is up: glTF has Y, printers' STL has Z.
     """
 
     order: Literal["xzy", "yxz", "zyx", "yzx", "zxy", "xyz"] = option(
@@ -102,7 +109,10 @@ class Axes(Attack):
 @ATTACKS.register("units")
 @dataclass(frozen=True)
 class Units(Attack):
-    """All coordinates times one factor about the origin: a change of unit."""
+    """All coordinates times one factor about the origin: a change of unit.
+
+    Source: formats without a unit (STL, OBJ, PLY), read as inches by one program and as millimetres by another.
+    """
 
     factor: float = option(1.0 / 25.4, "new length of one old unit; 1/25.4: millimetres to inches; 1: none")
 

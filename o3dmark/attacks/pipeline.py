@@ -26,7 +26,8 @@ from o3dmark.registry import option
 class Draco(Attack):
     """Compressed by Google's Draco and decompressed: one step for all axes, the longest extent / (2^bits - 1).
 
-    Draco's own default is 11 bits, glTF exporters use 14.
+    A coordinate moves by half a step at most. Draco's own default is 11 bits, glTF exporters use 14.
+    Source: google/draco, by way of DracoPy.
     """
 
     bits: int = option(11, "bits a coordinate, 1 to 30")
@@ -51,7 +52,7 @@ class Meshopt(Attack):
     """As gltfpack stores a mesh: integer positions, one step for all axes, in an order made for the graphics card.
 
     The step is the longest extent / (2^bits - 1); unused vertices go. The vertex and index buffers pass meshoptimizer's
-    vertex-cache and vertex-fetch orders and its codec.
+    vertex-cache and vertex-fetch orders and its codec. Source: zeux/meshoptimizer, gltfpack -vp.
     """
 
     bits: int = option(14, "bits a coordinate, 1 to 16; gltfpack's default is 14")
@@ -87,7 +88,8 @@ class Meshopt(Attack):
 class MeshoptSimplify(Attack):
     """meshoptimizer's edge collapse until ``ratio`` of the triangles is gone or the error is reached.
 
-    The vertices that stay do not move, but for float32. Source: Garland and Heckbert 1997, Surface simplification using
+    It acts on the welded surface: of a triangle soup as it is stored, meshoptimizer removes nothing. The vertices that
+    stay do not move, but for float32. Source: Garland and Heckbert 1997, Surface simplification using
     quadric error metrics, as in gltfpack -si.
     """
 
@@ -99,18 +101,16 @@ class MeshoptSimplify(Attack):
             raise ValueError("wants ratio in 0 .. 0.999 and error in 0 .. 1")
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:  # noqa: ARG002
-        vertices, triangles = checked_arrays(mesh)
+        surface = Surface.of(mesh)
         if not self.ratio:
             return copied(mesh)
-        tool, positions = _tool("meshoptimizer"), np.ascontiguousarray(vertices, np.float32)
-        indices = np.ascontiguousarray(triangles.ravel(), np.uint32)
-        target = 3 * max(4, round((1.0 - self.ratio) * len(triangles)))
+        tool, positions = _tool("meshoptimizer"), np.ascontiguousarray(surface.vertices, np.float32)
+        indices = np.ascontiguousarray(surface.triangles.ravel(), np.uint32)
+        target = 3 * max(4, round((1.0 - self.ratio) * len(surface.triangles)))
         chosen = np.zeros_like(indices)
         n = tool.simplify(chosen, indices, positions, target_index_count=target, target_error=self.error)
         used, corners = np.unique(chosen[:n].astype(np.int64), return_inverse=True)
-        colours = colours_of(mesh)
-        colours = None if colours is None else colours[used]
-        return made(mesh, positions[used].astype(np.float64), corners.reshape(-1, 3), colours)
+        return made(mesh, positions[used].astype(np.float64), corners.reshape(-1, 3))
 
 
 @ATTACKS.register("print-scan")
@@ -120,6 +120,7 @@ class PrintScan(Attack):
 
     The solid's surface is resampled, its height along a random direction rounded to layers, the steps melted by two
     passes of smoothing; then it is scanned (`Rescan`), and comes back in another place, size and orientation.
+    Source: defined here; no measured printer stands behind the numbers.
     """
 
     layer: float = option(0.003, "height of a layer, over the bounding box's diagonal; 0: none")

@@ -24,7 +24,7 @@ class Quantise(Attack):
     Source: Wang et al. 2010, A benchmark for 3D mesh watermarking, "vertex coordinates quantization", 7 to 11 bits.
     """
 
-    bits: int = option(9, "bits a coordinate")
+    bits: int = option(9, "bits a coordinate, 1 to 52")
     grid: Literal["axis", "cube"] = option("axis", "a step for each axis, or one for all")
 
     def __post_init__(self) -> None:

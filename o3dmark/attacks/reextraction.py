@@ -69,7 +69,10 @@ class Rescan(Attack):
     """A simulated scan (`sampling.scanned_points`: noise, occlusion, uneven density), then a surface through it.
 
     poisson     screened Poisson; smooth, closed over small gaps
-    pivot       ball pivoting (Bernardini et al. 1999): goes through the noisy points themselves, leaves holes
+    pivot       ball pivoting: goes through the noisy points themselves, leaves holes
+
+    Source: the scanner is defined here; Kazhdan and Hoppe 2013 (poisson), Bernardini et al. 1999, The ball-pivoting
+    algorithm for surface reconstruction (pivot), as Open3D has them.
     """
 
     points: int = option(30_000, "number of points")

@@ -3,8 +3,6 @@
 # ruff: noqa: ARG002 - attacks without randomness take an rng too
 
 from collections.abc import Callable
-
-# ruff: noqa: ARG002 - attacks without randomness take an rng too
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -56,8 +54,8 @@ class Taubin(Attack):
     """
 
     iterations: int = option(10, "number of double passes; 0: none")
-    strength: float = option(0.5, "lambda, the smoothing step")
-    back: float = option(-0.53, "mu, the step back, a little below -lambda")
+    strength: float = option(0.5, "lambda, the share of the way to the neighbours' mean")
+    back: float = option(-0.53, "mu, the share of the way back from their mean, a little below -lambda")
 
     def __post_init__(self) -> None:
         if self.iterations < 0 or not 0 <= self.strength <= 1 or not -1.1 <= self.back <= 0:

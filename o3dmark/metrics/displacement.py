@@ -65,7 +65,10 @@ def _canonical(triangles: Ints) -> Ints:
 @METRICS.register("max_displacement")
 @dataclass(frozen=True)
 class MaxDisplacement(Metric):
-    """The farthest that a vertex moved, over the diagonal of the reference's bounding box."""
+    """The farthest that a vertex moved, over the diagonal of the reference's bounding box.
+
+    Needs the same triangles over the same vertices in the same order. Source: the maximum norm, vertex by vertex.
+    """
 
     needs_equal_connectivity: ClassVar[bool] = True
 
@@ -77,7 +80,11 @@ class MaxDisplacement(Metric):
 @METRICS.register("rms_displacement")
 @dataclass(frozen=True)
 class RmsDisplacement(Metric):
-    """Root mean square of the vertices' movement, each vertex alike, over the diagonal of the reference's box."""
+    """Root mean square of the vertices' movement, each vertex alike, over the diagonal of the reference's box.
+
+    Needs the same triangles over the same vertices in the same order. Source: the vertex RMSE of the watermarking
+    literature.
+    """
 
     needs_equal_connectivity: ClassVar[bool] = True
 
@@ -93,6 +100,8 @@ class SNR(Metric):
     """Signal-to-noise ratio in dB: 10 log10( sum |v - c|^2 / sum |v - v'|^2 ), c the mean of the reference's vertices.
 
     The one metric that grows as meshes come closer: infinite for equal ones, as ``identity`` says.
+    Needs the same triangles over the same vertices in the same order. Source: signal processing's ratio of energies, as
+    papers on mesh watermarking report it.
     """
 
     needs_equal_connectivity: ClassVar[bool] = True

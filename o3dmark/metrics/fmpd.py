@@ -31,7 +31,8 @@ class FMPD(Metric):
     """Fast mesh perceptual distance in [0, 1]: the difference of both global roughnesses.
 
     Any two meshes can be compared, and swapping them changes nothing. Being the difference of two totals, it is zero
-    also for meshes that are equally rough in different places.
+    also for meshes that are equally rough in different places. Without unit, blind to scale. Source: Wang, Torkhani and
+    Montanvert 2012, A fast roughness-based approach to the assessment of 3D mesh visual quality.
     """
 
     def __call__(self, reference: Any, distorted: Any) -> float:

@@ -16,10 +16,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numba import njit
 
+from o3dmark.closest import closest_points
 from o3dmark.geometry import Floats
 from o3dmark.mesh import Surface
 from o3dmark.metrics import METRICS, Metric
-from o3dmark.metrics.closest import closest_points
 from o3dmark.metrics.displacement import paired
 from o3dmark.metrics.normal_cycle import curvature, rings_of, steps_for, walk
 from o3dmark.registry import option
@@ -32,6 +32,8 @@ class MSDM(Metric):
 
     Needs the same triangles over the same vertices in the same order. Vertices that coincide in the reference are
     compared as one, unused ones not at all. Swapping the meshes changes the value: noise by 1e-4, smoothing by 10 %.
+    Without unit. Source: Lavoue, Gelasca, Dupont, Baskurt and Ebrahimi 2006, Perceptually driven 3D distance metrics
+    with application to watermarking; MEPP.
     """
 
     needs_equal_connectivity: ClassVar[bool] = True
@@ -65,7 +67,8 @@ class MSDM2(Metric):
     """Multiscale mesh structural distortion measure in [0, 1), for meshes with any triangles.
 
     Forward has its windows on the distorted mesh and looks up the reference, backward the other way; symmetric is the
-    mean of both. Coincident vertices are one vertex.
+    mean of both. Coincident vertices are one vertex. Without unit.
+    Source: Lavoue 2011, A multiscale metric for 3D mesh visual quality assessment; MEPP2.
     """
 
     direction: Literal["symmetric", "forward", "backward"] = option("symmetric", "which mesh the windows are on")
