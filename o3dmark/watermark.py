@@ -51,7 +51,7 @@ class Reading:
 class Watermark:
     """Method, code, and the number of bits between them."""
 
-    method: Method = field(default_factory=lambda: METHODS.make("saliency-scs"))
+    method: Method = field(default_factory=lambda: METHODS.make("shape-spectrum"))
     code: Code = field(default_factory=lambda: CODES.make("random"))
     n_bits: int = 64
 
@@ -116,10 +116,12 @@ class Watermark:
 
 
 PROFILES: dict[str, Watermark] = {
+    "robust-2026": Watermark(METHODS.make("shape-spectrum"), CODES.make("random"), 64),
+    "invisible-2026": Watermark(METHODS.make("shape-spectrum:mrms=0.00037"), CODES.make("random"), 64),
     "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }
-DEFAULT_PROFILE = "paper-2026"
+DEFAULT_PROFILE = "robust-2026"
 
 
 def raw_dict(extraction: Extraction) -> dict[str, Any]:

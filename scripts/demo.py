@@ -2,8 +2,8 @@
 
     scripts/demo [MESH] [--out FOLDER] [--message TEXT]
 
-Without MESH it takes a synthetic bust. Exit code 0 when the message is read back blindly after similarity, reordering
-and 0.1 % noise together.
+Without MESH it takes a synthetic bust. Exit code 0 when the message is read back blindly after similarity,
+simplification by half and 0.1 % noise together.
 """
 
 import argparse
@@ -23,7 +23,9 @@ JOURNEYS = {  # what happens to copies of the marked mesh; the last is the one t
     "0.3 % noise": ["noise:amplitude=0.003"],
     "10-bit quantisation": ["quantise:bits=10"],
     "30 steps of smoothing": ["smooth:iterations=30"],
-    "similarity, reordering, 0.1 % noise": ["similarity", "reorder", "noise:amplitude=0.001"],
+    "Loop subdivision": ["subdivide"],
+    "isotropic remeshing": ["remesh"],
+    "similarity, half the triangles, 0.1 % noise": ["similarity", "simplify", "noise:amplitude=0.001"],
 }
 
 

@@ -1,5 +1,6 @@
 """shape-spectrum: what the reader meets is what was embedded, whatever the mesh went through."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -259,3 +260,13 @@ def test_sights_serve_one_key_after_the_other(marked: TriangleMesh, key: Key) ->
     shared, alone = METHOD.reader(32, key).read(sights), METHOD.extract(rough, 32, key)
     assert wrong.hypotheses > shared.hypotheses  # it had to look further
     assert np.array_equal(shared.soft, alone.soft)
+
+
+def test_what_old_marks_depend_on_never_changes() -> None:
+    """The deal of the modes, their signs, the dither and the ladder: golden values, of a key of zeros."""
+    projections = Projections.of(Key(bytes(32)), METHOD.band, 32)
+    deal = hashlib.sha256(np.where(projections.weight > 0, 1, -1) * (projections.owner + 1)).hexdigest()
+    assert deal[:16] == "a4cfb5a6d771a34a"
+    assert projections.dither[:3] == pytest.approx([0.5673779384, 0.2078907593, 0.6869307735], abs=1e-9)
+    steps = ShapeSpectrum().steps(64)
+    assert (len(steps), steps[0], steps[-1]) == pytest.approx((45, 0.0512483662, 0.00261092145))

@@ -93,7 +93,11 @@ def test_profiles_never_change() -> None:
         "passes": 8,
         "search": True,
     }
+    spectrum = {"name": "shape-spectrum", "mrms": 6e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
+    spectrum["search"] = True
     frozen = {
+        "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
+        "invisible-2026": (spectrum | {"mrms": 3.7e-4}, {"name": "random", "message_bytes": None}, 64),
         "paper-2026": (scs, {"name": "random", "message_bytes": None}, 64),
         "tiny-2026": (scs, {"name": "random", "message_bytes": 1}, 32),
     }
