@@ -1,7 +1,8 @@
-"""Which vertex of a received mesh is which vertex of the cover mesh: for informed extraction.
+"""Which vertex of a received mesh is which vertex of the cover mesh, and small motions: for informed extraction.
 
 Vertices are matched by number where the counts agree and a similarity fits; otherwise the meshes are laid on each other
-by their principal axes and iterated closest points with unknown scale, and nearest vertices are matched.
+by their principal axes and iterated closest points with unknown scale, and nearest vertices are matched. Fragments want
+more than that: see `placing`.
 """
 
 import itertools
@@ -13,6 +14,7 @@ from o3dmark.geometry import Floats, Ints, diagonal
 
 _FITS = 0.02  # RMS residual, over the diagonal, below which vertices with equal numbers are taken as the same
 _ROUNDS = 30
+_RIDGE = 1e-9  # of a step along normals that leave a motion open, as on a plane or a ball
 
 
 def similarity(source: Floats, target: Floats) -> Floats:
@@ -56,6 +58,35 @@ def align(source: Floats, target: Floats) -> Floats:
     matrix = min(_by_principal_axes(source, target), key=misfit)
     for _ in range(_ROUNDS):
         matrix = similarity(source, target[tree.query(apply(matrix, source))[1]])
+    return matrix
+
+
+def step_along(points: Floats, normals: Floats, gap: Floats, weight: Floats) -> Floats:
+    """The small similarity (4, 4) that moves ``points`` (n, 3) by ``gap`` (n,) along ``normals``, by least squares."""
+    centre = points.mean(axis=0)
+    J = motions(points - centre, normals)
+    lever = np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1)))
+    ridge = _RIDGE * len(points) * np.diag([1.0, 1.0, 1.0, lever**2, lever**2, lever**2, lever**2])
+    motion = np.linalg.solve((J.T * weight) @ J + ridge, (J.T * weight) @ gap)
+    return small_similarity(np.asarray(motion, np.float64), centre)
+
+
+def motions(offsets: Floats, normals: Floats) -> Floats:
+    """Motion (n, 7) along ``normals`` of points at ``offsets`` (n, 3): per translation, rotation vector, log scale."""
+    return np.concatenate(
+        [normals, np.cross(offsets, normals), np.einsum("nd,nd->n", offsets, normals)[:, None]], axis=1
+    )
+
+
+def small_similarity(motion: Floats, centre: Floats) -> Floats:
+    """The similarity (4, 4) of a ``motion`` (7,), as in `motions`, about ``centre`` (3,)."""
+    a, b, c = motion[3:6]
+    angle = float(np.linalg.norm(motion[3:6]))
+    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+    sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.exp(motion[6]) * (np.eye(3) + sine * cross + versine * cross @ cross)  # Rodrigues
+    matrix[:3, 3] = centre + motion[:3] - matrix[:3, :3] @ centre
     return matrix
 
 

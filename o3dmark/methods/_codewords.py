@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dmark.geometry import Floats
+from o3dmark.methods._lattice import closest_vectors
 from o3dmark.scs import ScalarCosta
 
 _SWEEPS = 30
-_KICKS, _KICKED = 30, 6  # fresh starts of the search, each with so many integers disturbed
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the slack, tried where going all the way costs too much
 _SAVING = 1.4  # more than slack ever saves
 
@@ -61,38 +61,8 @@ def _size(r: Floats, Q: Floats) -> float:
 
 
 def _nearest(r: Floats, step: float, Q: Floats) -> Floats:
-    """r + step z, z integers, with a small r' Q r: iterated local search, each start a kick away from the best."""
-    random, best = np.random.default_rng(0), _descent(r, step, Q)
-    for _ in range(_KICKS):
-        start = best.copy()
-        kicked = random.choice(len(r), min(_KICKED, len(r)), replace=False)
-        start[kicked] += step * random.choice((-1.0, 1.0), len(kicked))
-        found = _descent(start, step, Q)
-        if _size(found, Q) < _size(best, Q):
-            best = found
-    return best
-
-
-def _descent(r: Floats, step: float, Q: Floats) -> Floats:
-    """r + step z with a small r' Q r: the best move of one or two integers z by one, until no move helps."""
-    diagonal = np.diag(Q) * step**2
-    while True:
-        slope = 2.0 * step * (Q @ r)
-        single = diagonal - np.abs(slope)  # gain of moving each by the better of +- 1
-        sign = np.where(slope > 0, -1.0, 1.0)
-        both = single[:, None] + single + 2.0 * step**2 * np.outer(sign, sign) * Q
-        against = single[:, None] + (diagonal + np.abs(slope)) - 2.0 * step**2 * np.outer(sign, sign) * Q
-        np.fill_diagonal(both, single)
-        np.fill_diagonal(against, single)
-        best = min(both.min(), against.min())
-        if best > -1e-12 * diagonal.mean():
-            return r
-        turned = both.min() > best
-        i, j = np.unravel_index(np.argmin(against if turned else both), Q.shape)
-        r = r.copy()
-        r[i] += step * sign[i]
-        if i != j:
-            r[j] += step * sign[j] * (-1.0 if turned else 1.0)
+    """r + step z, z integers, with a small r' Q r."""
+    return r + step * closest_vectors(Q, -r / step).z[0]
 
 
 def _relaxed(r: Floats, reach: float, Q: Floats) -> Floats:

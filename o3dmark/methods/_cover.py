@@ -36,7 +36,7 @@ class Cover:
         self.projections, self.surface, self.solid = projections, surface, Solid.of(surface)
         self.rule = rules(self.solid)[0]
         self.frame = self.rule.frames(self.solid)[0]
-        self._normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
+        self.normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
         self._seen = self.frame.solid(self.solid)
         self._spectrum = spectrum_of(projections.band, self._seen, gradient=True)
         self.values = projections(self._spectrum.values)
@@ -44,13 +44,13 @@ class Cover:
     @cached_property
     def response(self) -> Floats:
         """Change of each projection as each vertex moves by one unit of the frame along its normal: (K, n)."""
-        frame = self.rule.response(self.solid, self.frame, self._normals)
+        frame = self.rule.response(self.solid, self.frame, self.normals)
         return self._direct + (self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.free
 
     @cached_property
     def _direct(self) -> Floats:
         """The same in a fixed frame."""
-        normals = self.frame.directions(self._normals)
+        normals = self.frame.directions(self.normals)
         return _direct_response(self.projections, self._seen, normals) * self.solid.free
 
     @cached_property
@@ -68,40 +68,50 @@ class Cover:
         return self._direct if self.rule.measure == "area" else self.response
 
     @cached_property
-    def _pull(self) -> Floats:
-        """The pulls (K, K) that change one projection by one each."""
-        return np.asarray(np.linalg.inv((self.response * self._mobility) @ self._ways.T))
+    def motions(self) -> Floats:
+        """How far each vertex goes along its normal, in the mesh's unit, to change one projection by one: (K, n).
+
+        To first order, and without changing the others.
+        """
+        pull = np.linalg.inv((self.response * self._mobility) @ self._ways.T)
+        return np.asarray(self.frame.scale * self._mobility * (pull.T @ self._ways))
 
     @cached_property
     def cost(self) -> Floats:
         """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
-        effort = self._pull.T @ ((self._ways * self._mobility) @ self._ways.T) @ self._pull
-        return np.asarray(effort * self.frame.scale**2 / self._seen.vertex_areas.sum())
+        area = self._seen.vertex_areas
+        return np.asarray((self.motions * area) @ self.motions.T / area.sum())
+
+    def moved(self, change: Floats) -> Floats:
+        """Vertices (n, 3) after the motions for a ``change`` (K,) of the projections."""
+        return np.asarray(self.surface.vertices + (change @ self.motions)[:, None] * self.normals)
+
+    def measured(self, vertices: Floats) -> Floats:
+        """The projections (K,) with the mesh's vertices at ``vertices`` (n, 3), in the mesh's own frame then."""
+        solid = self.solid.moved(vertices)
+        seen = self.rule.near(solid, self.frame).solid(solid)
+        return self.projections(spectrum_of(self.projections.band, seen).values)
 
     def changed(self, change: Floats, accuracy: float) -> tuple[Floats, float]:
         """Vertices (n, 3) whose projections differ from the cover's by ``change`` (K,), and the largest error left.
 
-        Newton's method, its inverse derivative corrected on the way (Broyden 1965, the first of his methods).
-
-        The values are those that a reader will measure: in the moved mesh's own frame.
+        The values are those that a reader will measure. Newton's method, its derivative corrected on the way (Broyden
+        1965, the first of his methods).
         """
-        target, pull, inverse = self.values + change, np.zeros(len(change)), self._pull.copy()
-        error, best = change, (np.array(self.surface.vertices), float(np.abs(change).max()))
+        asked, error, inverse = np.zeros(len(change)), change, np.eye(len(change))
+        best = np.array(self.surface.vertices), float(np.abs(change).max())
         for _ in range(_NEWTON_STEPS):
             step = inverse @ error
-            pull = pull + step
-            motion = self.frame.scale * self._mobility * (pull @ self._ways)
-            vertices = self.surface.vertices + motion[:, None] * self._normals
-            solid = self.solid.moved(vertices)
-            seen = self.rule.near(solid, self.frame).solid(solid)
-            before, error = error, target - self.projections(spectrum_of(self.projections.band, seen).values)
+            asked = asked + step
+            vertices = self.moved(asked)
+            before, error = error, self.values + change - self.measured(vertices)
             missed = float(np.abs(error).max())
-            answer = inverse @ (before - error)
-            inverse += np.outer(step - answer, step @ inverse) / (step @ answer)
             if missed < best[1]:
                 best = vertices, missed
             if missed < accuracy or missed > 2.0 * best[1]:
                 break
+            answer = inverse @ (before - error)
+            inverse += np.outer(step - answer, step @ inverse) / (step @ answer)
         return best
 
 

@@ -34,6 +34,7 @@ from o3dmark.mesh import PointCloud, Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods._codewords import Plan, plans
 from o3dmark.methods._cover import Cover
+from o3dmark.methods._informed import read_fragment
 from o3dmark.methods._projections import Projections
 from o3dmark.methods._reader import Reader
 from o3dmark.methods._sights import Sights
@@ -46,7 +47,7 @@ _SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; le
 _LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
 _VERTICES_A_BIT = 8
 _MOST_BITS = 128
-_HOPE = 0.9  # the real motion over the planned one, at the least: folds and creases save some
+_HOPE = 0.9  # the real motion over the planned one, before any was carried out: folds and creases save some
 _SAFE = 0.995  # of the limit, for what a first-order distance leaves out
 _TRIES = 16  # plans carried out before the mesh is refused
 _EXACT = 1e-3  # of a step: where Newton's method may stop
@@ -68,7 +69,7 @@ class ShapeSpectrum(Method):
         "simplify:ratio=0.5",
     )
 
-    mrms: float = option(6e-4, "distortion aimed at, over the bounding-box diagonal; the ladder's middle hangs on it")
+    mrms: float = option(5.8e-4, "distortion aimed at, over the bounding-box diagonal; the ladder's middle hangs on it")
     lowest: float = option(4.0, "longest waves used, as the number that fit in the box")
     highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
     box: float = option(6.0, "side of the box, over the radius of gyration")
@@ -86,17 +87,15 @@ class ShapeSpectrum(Method):
             raise CapacityError(len(message), fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
         cover = Cover(self.projections(key, len(message)), surface)
         wanted = np.resize(message, len(cover.projections)).astype(np.float64)
-        limit, real, tries = self.mrms * surface.diagonal, _HOPE, 0
+        limit, real = self.mrms * surface.diagonal, [_HOPE]  # real motions over planned ones
         for plan in self._plans(cover, wanted, limit / _HOPE):
-            if plan.size * real > limit or tries == _TRIES:
+            if plan.size * float(np.mean(real)) > limit or len(real) > _TRIES:
                 continue
-            tries += 1
             vertices, missed = cover.changed(plan.change, _EXACT * plan.step)
-            if missed > 10.0 * _EXACT * plan.step:
-                continue
             size = normal_rms(cover.solid, vertices - surface.vertices)
-            real = max(_HOPE, 0.97 * size / plan.size)  # plans differ in this by a few per cent
-            if size <= _SAFE * limit and self._reads(surface.moved(vertices), message, key):
+            real.append(size / plan.size)
+            good = missed < 10.0 * _EXACT * plan.step and size <= _SAFE * limit
+            if good and self._reads(surface.moved(vertices), message, key):
                 return with_vertices(mesh, surface, vertices)
         raise MeshError(
             f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they can be"
@@ -104,10 +103,14 @@ class ShapeSpectrum(Method):
         )
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
-        """See `Method.extract`. ``mesh`` may also be a point cloud, best with normals. No reference is taken."""
-        if reference is not None:
-            raise MeshError("shape-spectrum is blind and takes no reference")
-        return self.reader(n_bits, key).read(self.sights(mesh))
+        """See `Method.extract`. ``mesh`` may also be a point cloud, best with normals.
+
+        With the unmarked cover as ``reference``, ``mesh`` may be a fragment of the marked mesh (see `_informed`).
+        """
+        if reference is None:
+            return self.reader(n_bits, key).read(self.sights(mesh))
+        cover, projections = Surface.of(reference), self.projections(key, n_bits)
+        return read_fragment(_surface(mesh), cover, projections, self.steps(n_bits), n_bits)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the borders, up to 128."""
@@ -131,9 +134,7 @@ class ShapeSpectrum(Method):
 
     def sights(self, mesh: Any) -> Sights:
         """What there is to see in a mesh or point cloud, for the readers of any number of keys."""
-        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
-        surface = surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
-        return Sights(surface, self.band, search=self.search)
+        return Sights(_surface(mesh), self.band, search=self.search)
 
     def _plans(self, cover: Cover, wanted: Floats, limit: float) -> list[Plan]:
         steps = self.steps(len(wanted))
@@ -142,3 +143,8 @@ class ShapeSpectrum(Method):
     def _reads(self, marked: Surface, message: NDArray[np.uint8], key: Key) -> bool:
         seen = Sights(marked, self.band, search=self.search)
         return np.array_equal(self.reader(len(message), key).read(seen).bits, message)
+
+
+def _surface(mesh: Any) -> Surface:
+    is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
+    return surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)

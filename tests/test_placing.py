@@ -1,0 +1,65 @@
+"""Laying a fragment on the whole: from any pose and scale, and nothing else is laid."""
+
+import numpy as np
+import pytest
+
+from o3dmark import registration
+from o3dmark.attacks import attack_all
+from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.placing import places
+from o3dmark.registration import apply, small_similarity
+
+MOVED = "similarity:smallest=0.2,largest=5"
+
+
+def misplaced(place: np.ndarray, fragment: Surface, truth: Surface, size: float) -> float:
+    """RMS distance of a fragment's vertices from where they belong, over ``size``."""
+    offset = apply(place, fragment.vertices) - truth.vertices
+    return float(np.sqrt(np.mean(np.sum(offset**2, axis=1)))) / size
+
+
+def cropped(mesh: TriangleMesh, share: float, noise: str, seed: int) -> tuple[Surface, Surface]:
+    """A fragment as received, and where its vertices were."""
+    attacks = [f"crop:share={share}", noise, MOVED]
+    return Surface.of(attack_all(mesh, attacks, rng=seed)), Surface.of(attack_all(mesh, attacks[:1], rng=seed))
+
+
+@pytest.mark.parametrize(("share", "seed"), [(0.1, 0), (0.6, 1)])
+def test_a_fragment_is_laid_where_it_was(spot: TriangleMesh, share: float, seed: int) -> None:
+    whole = Surface.of(spot)
+    fragment, truth = cropped(spot, share, "noise:amplitude=0.002", seed)
+    found = places(fragment, whole)
+    assert misplaced(found[0], fragment, truth, whole.diagonal) < 2e-3
+    assert np.array_equal(found, places(fragment, whole)) or share < 0.5  # once is enough: it takes its time
+
+
+def test_a_shape_that_repeats_itself_has_several_places(spot: TriangleMesh) -> None:
+    """Two cows side by side: what is cut from one may be from either."""
+    vertices, triangles = mesh_arrays(spot)
+    turned = vertices @ np.array([[-1.0, 0, 0], [0, 1, 0], [0, 0, -1]]) + [3.0, 0.0, 0.0]
+    both = triangle_mesh(np.concatenate([vertices, turned]), np.concatenate([triangles, triangles + len(vertices)]))
+    found = places(Surface.of(attack_all(spot, ["crop:share=0.3", MOVED], rng=0)), Surface.of(both))
+    assert len(found) == 2
+
+
+def test_what_belongs_nowhere_is_not_laid(spot: TriangleMesh) -> None:
+    assert places(Surface.of(TriangleMesh.create_torus(1.0, 0.4, 40, 20)), Surface.of(spot)) == []
+
+
+def test_motions_are_the_derivative_of_small_similarities() -> None:
+    rng = np.random.default_rng(0)
+    points, normals, motion = rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), rng.normal(size=7)
+    centre = points.mean(axis=0)
+    there = apply(small_similarity(1e-6 * motion, centre), points)
+    slope = np.einsum("nd,nd->n", there - points, normals) / 1e-6
+    np.testing.assert_allclose(slope, registration.motions(points - centre, normals) @ motion, atol=1e-4)
+
+
+def test_a_step_along_normals_finds_a_small_motion() -> None:
+    rng = np.random.default_rng(1)
+    points, normals = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
+    motion = 1e-5 * rng.normal(size=7)
+    moved = apply(small_similarity(motion, points.mean(axis=0)), points)
+    gap = np.einsum("nd,nd->n", moved - points, normals)
+    step = registration.step_along(points, normals, gap, np.ones(50))
+    np.testing.assert_allclose(apply(step, points), moved, atol=1e-8)
