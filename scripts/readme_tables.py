@@ -20,7 +20,17 @@ from o3dmark.cli import app
 from o3dmark.registry import Registry, describe
 
 ROOT = Path(__file__).parent.parent
-README, RESULTS = ROOT / "README.md", ROOT / "results" / "saliency_scs.csv"
+README, RESULTS = ROOT / "README.md", ROOT / "results"
+PAPER = ROOT / "o3dmark" / "report" / "paper_tables.csv"
+CONDITIONS = {  # of the table of shape-spectrum, by the paper's table and line
+    "reorder": ("reordering", "1"),
+    "similarity": ("similarity", "1"),
+    **{f"noise {p} %": ("noise", f"{p}0%") for p in ("0.1", "0.3", "0.5")},
+    "noise 0.05 %": ("noise", "0.05%"),
+    **{f"umbrella 0.1 x {n}": ("smoothing", f"{n} it") for n in (5, 10, 30, 50)},
+    **{f"{b} bit": ("quantization", f"{b} bit") for b in (11, 10, 9, 8, 7)},
+    **{scheme: ("subdivision", scheme) for scheme in ("loop", "midpoint", "sqrt3")},
+}
 
 
 def main() -> int:
@@ -38,6 +48,7 @@ def rewritten(text: str) -> str:
     """The README with its tables made anew."""
     tables = {name: registry_table(each) for name, each in registries().items()}
     tables |= {"commands": commands_table(), "saliency-scs results": results_table()}
+    tables |= {"shape-spectrum results": spectrum_table(), "informed results": informed_table()}
     for name, table in tables.items():
         begin, end = f"<!-- table: {name} -->\n", "<!-- end -->"
         if begin in text:
@@ -78,8 +89,7 @@ def commands_table() -> str:
 
 def results_table() -> str:
     """Mean Corr of 64 bits on each mesh, and the least of 16 bits on all of them, from results/saliency_scs.csv."""
-    with RESULTS.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of("saliency_scs.csv")
     meshes, attacks = (list(dict.fromkeys(row[name] for row in rows)) for name in ("mesh", "attack"))
 
     def corr(attack: str, n_bits: str, mesh: str | None = None) -> list[float]:
@@ -94,6 +104,77 @@ def results_table() -> str:
         cells = [f"{mean(corr(attack, '64', mesh)):.2f}" for mesh in meshes] + [f"{min(corr(attack, '16')):.2f}"]
         lines.append(f"| `{attack}` | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def spectrum_table() -> str:
+    """Mean Corr on each mesh over its keys, from results/shape_spectrum.csv, and the paper's mean over its meshes."""
+    rows = rows_of("shape_spectrum.csv")
+    meshes, attacks = (list(dict.fromkeys(row[name] for row in rows)) for name in ("mesh", "attack"))
+
+    def of(mesh: str, name: str, attack: str = "none") -> list[float]:
+        return [float(row[name]) for row in rows if (row["mesh"], row["attack"]) == (mesh, attack)]
+
+    lines = [f"| | {' | '.join(map(short, meshes))} | paper |", "|---|" + "--:|" * (len(meshes) + 1)]
+    for name, title, form in (
+        ("seed", "keys", "{}"),
+        ("bits", "bits", "{:.0f}"),
+        ("mrms", "MRMS, 1e-4 of the diagonal", "{:.2f}"),
+        ("msdm", "MSDM", "{:.3f}"),
+    ):
+        factor = 1e4 if name == "mrms" else 1.0
+        cells = [form.format(len(of(m, name)) if name == "seed" else factor * mean(of(m, name))) for m in meshes]
+        lines.append(f"| {title} | {' | '.join(cells)} | |")
+    for attack in attacks:
+        found = [of(mesh, "corr", attack) for mesh in meshes]
+        cells = [two_digits(mean(values)) if values else "" for values in found]
+        lines.append(f"| {attack} | {' | '.join(cells)} | {published(attack)} |")
+    return "\n".join(lines) + "\n"
+
+
+def informed_table() -> str:
+    """Least and mean Corr over all meshes and keys, from results/informed_crop.csv, beside its two controls."""
+    rows = rows_of("informed_crop.csv")
+    meshes = len({row["mesh"] for row in rows})
+    lines = [
+        f"| fragment | readings on {meshes} meshes | all right | least Corr | mean Corr, wrong key | and unmarked |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
+    for attack in dict.fromkeys(row["attack"] for row in rows):
+        mine = [row for row in rows if row["attack"] == attack]
+        exact = sum(row["errors"] == "0" for row in mine)
+        least = min(float(row["corr"]) for row in mine)
+        controls = [two_digits(mean(float(row[name]) for row in mine)) for name in ("wrong_key_corr", "unmarked_corr")]
+        lines.append(f"| {attack} | {len(mine)} | {exact} | {two_digits(least)} | {' | '.join(controls)} |")
+    return "\n".join(lines) + "\n"
+
+
+def published(attack: str) -> str:
+    """The paper's mean over its meshes for an attack; nothing where it has none."""
+    if attack not in CONDITIONS:
+        return ""
+    with PAPER.open(newline="") as file:
+        wanted = (*CONDITIONS[attack], "hamidi", "corr")
+        rows = [
+            row
+            for row in csv.DictReader(file)
+            if wanted == tuple(row[k] for k in ("table", "condition", "method", "metric"))
+        ]
+    return two_digits(mean(float(row["value"]) for row in rows))
+
+
+def rows_of(name: str) -> list[dict[str, str]]:
+    with (RESULTS / name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def short(mesh: str) -> str:
+    """bimba of bimba, vase of vase_psb539, but octa_flower of octa_flower_7919."""
+    return re.sub(r"(_(psb)?\d+)(_derived)?$", "", mesh)
+
+
+def two_digits(value: float) -> str:
+    """Never 1.00 for anything less."""
+    return f"{min(value, 0.99) if value < 1 else value:.2f}"
 
 
 def flowing(doc: str) -> str:

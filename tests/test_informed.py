@@ -10,7 +10,6 @@ from o3dmark.detection import detect
 from o3dmark.keys import Key
 from o3dmark.mesh import Surface, TriangleMesh
 from o3dmark.methods import Extraction
-from o3dmark.methods._cover import Cover
 from o3dmark.methods._informed import _fitted, _gaps, _Host, _Points, read_fragment
 from o3dmark.methods._lattice import closest_vectors
 from o3dmark.methods.shape_spectrum import ShapeSpectrum
@@ -28,12 +27,12 @@ def marked(spot: TriangleMesh, key: Key) -> TriangleMesh:
 @pytest.fixture(scope="module")
 def host(spot: TriangleMesh, key: Key) -> _Host:
     steps = METHOD.steps(len(BITS))
-    return _Host(Cover(METHOD.projections(key, len(BITS)), Surface.of(spot)), steps)
+    return _Host(METHOD.cover(Surface.of(spot), key, len(BITS)), steps)
 
 
 def read(mesh: TriangleMesh, cover: TriangleMesh, key: Key) -> Extraction:
     n = len(BITS)
-    return read_fragment(Surface.of(mesh), Surface.of(cover), METHOD.projections(key, n), METHOD.steps(n), n)
+    return read_fragment(Surface.of(mesh), METHOD.cover(Surface.of(cover), key, n), METHOD.steps(n), n)
 
 
 # What a fragment says

@@ -20,6 +20,7 @@ from o3dmark.methods._projections import Projections, coherence
 from o3dmark.methods._reader import Reader
 from o3dmark.methods._sights import Sights
 from o3dmark.methods.shape_spectrum import ShapeSpectrum
+from o3dmark.saliency import Saliency
 from o3dmark.scs import ScalarCosta
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
@@ -272,3 +273,17 @@ def test_what_old_marks_depend_on_never_changes() -> None:
     assert projections.dither[:3] == pytest.approx([0.5673779384, 0.2078907593, 0.6869307735], abs=1e-9)
     steps = ShapeSpectrum().steps(64)
     assert (len(steps), steps[0], steps[-1]) == pytest.approx((45, 0.0495400874, 0.00252389074))
+
+
+def test_a_mask_moves_the_motion_to_salient_places(spot: TriangleMesh, marked: TriangleMesh, key: Key) -> None:
+    surface = Surface.of(spot)
+    salient = Saliency().of_surface(surface)
+    high = salient > np.median(salient)
+
+    def share(mesh: TriangleMesh) -> float:
+        motion = np.sum((Surface.of(mesh).vertices - surface.vertices) ** 2, axis=1)
+        return float(motion[high].sum() / motion.sum())
+
+    masked = replace(METHOD, mask="saliency").embed(spot, BITS, key)
+    assert np.array_equal(read(masked, key).bits, BITS)  # the reader need not know
+    assert share(masked) > share(marked) + 0.1

@@ -94,7 +94,7 @@ def test_profiles_never_change() -> None:
         "search": True,
     }
     spectrum = {"name": "shape-spectrum", "mrms": 5.8e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
-    spectrum["search"] = True
+    spectrum |= {"mask": "none", "search": True}
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
         "invisible-2026": (spectrum | {"mrms": 3.7e-4}, {"name": "random", "message_bytes": None}, 64),

@@ -30,10 +30,14 @@ def spectrum_of(band: Band, seen: Solid, *, gradient: bool = False) -> Spectrum:
 
 
 class Cover:
-    """A mesh about to be marked: its frame, its projections, and what it costs to change them."""
+    """A mesh about to be marked: its frame, its projections, and what it costs to change them.
 
-    def __init__(self, projections: Projections, surface: Surface) -> None:
+    ``mask`` (n,) above zero says where motion is welcome: twice the mask, twice the motion for the same pull.
+    """
+
+    def __init__(self, projections: Projections, surface: Surface, mask: Floats | None = None) -> None:
         self.projections, self.surface, self.solid = projections, surface, Solid.of(surface)
+        self._mask = np.ones(len(surface.vertices)) if mask is None else mask
         self.rule = rules(self.solid)[0]
         self.frame = self.rule.frames(self.solid)[0]
         self.normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
@@ -55,9 +59,12 @@ class Cover:
 
     @cached_property
     def _mobility(self) -> Floats:
-        """How far a vertex goes for a given pull (n,): the inverse of its area, so that the RMS motion is the least."""
+        """How far a vertex goes for a given pull (n,): the inverse of its area, so that the RMS motion is the least.
+
+        Times the mask.
+        """
         area = self._seen.vertex_areas
-        return np.where(self.solid.free, 1.0 / np.maximum(area, 1e-3 * area.mean()), 0.0)
+        return np.where(self.solid.free, self._mask / np.maximum(area, 1e-3 * area.mean()), 0.0)
 
     @property
     def _ways(self) -> Floats:

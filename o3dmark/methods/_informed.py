@@ -28,7 +28,6 @@ from o3dmark.mesh import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._cover import Cover
 from o3dmark.methods._lattice import closest_vectors
-from o3dmark.methods._projections import Projections
 from o3dmark.placing import places as places_of
 
 _POINTS, _FEW = 60_000, 4_000  # of the fragment that are used at most; and to choose its place by
@@ -45,17 +44,15 @@ _SLACK = 0.03  # RMS distance, in steps, of an embedded value from its codeword
 _LEAST = 2  # points a parameter, below which nothing is read
 
 
-def read_fragment(
-    received: Surface, cover: Surface, projections: Projections, steps: Floats, n_bits: int
-) -> Extraction:
+def read_fragment(received: Surface, cover: Cover, steps: Floats, n_bits: int) -> Extraction:
     """The bits of ``received``, a part of the marked ``cover`` in any pose and scale, mirror images excepted.
 
     ``steps`` (s,) are those that the writer may have used. Soft bits in -1 .. 1; of zero, with a note, where the
     fragment lies nowhere on the cover. Errors: MeshError as for marking the cover.
     """
-    places = places_of(received, cover)
+    places = places_of(received, cover.surface)
     tried = 2 * max(1, len(places)) * len(steps)  # twice: smoothed, or not
-    host, points = _Host(Cover(projections, cover), steps), _Points.of(received)
+    host, points = _Host(cover, steps), _Points.of(received)
     fit = _best_fit(host, points, places)
     if fit is None:
         return Extraction(np.zeros(n_bits), tried, "lies nowhere on the cover")
@@ -63,7 +60,7 @@ def read_fragment(
     readings = [_decoded(host, fit, values, step) for step in steps]
     best = max(range(len(steps)), key=lambda i: readings[i].evidence)
     soft = np.tanh(readings[best].log_odds.reshape(-1, n_bits).sum(axis=0) / 2.0)
-    note = f"laid on the cover, {fit.noise / cover.diagonal:.1e} of its diagonal off, step {steps[best]:.5f}"
+    note = f"laid on the cover, {fit.noise / host.surface.diagonal:.1e} of its diagonal off, step {steps[best]:.5f}"
     return Extraction(soft, tried, note)
 
 

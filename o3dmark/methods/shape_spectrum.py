@@ -21,7 +21,7 @@ wrong key, each bit remains a fair coin. All the readings tried are counted neve
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,7 @@ from o3dmark.methods._projections import Projections
 from o3dmark.methods._reader import Reader
 from o3dmark.methods._sights import Sights
 from o3dmark.registry import option
+from o3dmark.saliency import Saliency
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
 
@@ -74,6 +75,7 @@ class ShapeSpectrum(Method):
     highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
     box: float = option(6.0, "side of the box, over the radius of gyration")
     slack: float = option(0.04, "how far from its codeword a value may stay, in steps, where that buys a longer step")
+    mask: Literal["none", "saliency"] = option("none", "where the surface moves more: nowhere, or where it is salient")
     search: bool = option(True, "let the reader fit the frame and undo smoothing")
 
     def __post_init__(self) -> None:
@@ -85,7 +87,7 @@ class ShapeSpectrum(Method):
         surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
         if len(message) > (fits := self.capacity(mesh)):
             raise CapacityError(len(message), fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
-        cover = Cover(self.projections(key, len(message)), surface)
+        cover = self.cover(surface, key, len(message))
         wanted = np.resize(message, len(cover.projections)).astype(np.float64)
         limit, real = self.mrms * surface.diagonal, [_HOPE]  # real motions over planned ones
         for plan in self._plans(cover, wanted, limit / _HOPE):
@@ -109,8 +111,8 @@ class ShapeSpectrum(Method):
         """
         if reference is None:
             return self.reader(n_bits, key).read(self.sights(mesh))
-        cover, projections = Surface.of(reference), self.projections(key, n_bits)
-        return read_fragment(_surface(mesh), cover, projections, self.steps(n_bits), n_bits)
+        cover = self.cover(Surface.of(reference), key, n_bits)
+        return read_fragment(_surface(mesh), cover, self.steps(n_bits), n_bits)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the borders, up to 128."""
@@ -123,6 +125,11 @@ class ShapeSpectrum(Method):
     def projections(self, key: Key, n_bits: int) -> Projections:
         """The key's projections: one a bit, or several when the bits are few."""
         return Projections.of(key, self.band, n_bits * max(1, _LEAST_PROJECTIONS // n_bits))
+
+    def cover(self, surface: Surface, key: Key, n_bits: int) -> Cover:
+        """An unmarked surface as the writer of a key's bits sees it."""
+        mask = None if self.mask == "none" else _mask(surface)
+        return Cover(self.projections(key, n_bits), surface, mask)
 
     def steps(self, n_bits: int) -> Floats:
         """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
@@ -148,3 +155,9 @@ class ShapeSpectrum(Method):
 def _surface(mesh: Any) -> Surface:
     is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
     return surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
+
+
+def _mask(surface: Surface) -> Floats:
+    """Mesh saliency of the vertices (n,) over its mean, within a factor of 4 up and down."""
+    saliency = Saliency().of_surface(surface)
+    return np.asarray(np.clip(saliency / (saliency.mean() or 1.0), 0.25, 4.0))
