@@ -240,7 +240,9 @@ def principal(solid: Solid, measure: Measure) -> tuple[Frame, Floats]:
     mean = first / mass
     variance, vectors = np.linalg.eigh(second / mass - np.outer(mean, mean))
     if not variance[0] > 0:
-        raise MeshError("the surface is so tangled that it encloses as much negative volume as positive")
+        raise MeshError(
+            "the surface lies in a plane, or is so tangled that its volumes cancel: there is no solid to mark"
+        )
     spread = float(variance.sum())
     return Frame(near + mean, float(np.sqrt(spread)), vectors.T.copy()), variance / spread
 

@@ -249,7 +249,7 @@ def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleM
         projections = METHOD.projections(secret, 32)
         flipped = replace(projections, dither=projections.dither + 0.5 * (np.arange(32) % 3 == 0))
         sights = Sights(smooth, METHOD.band, search=search)
-        one, other = (Reader(each, METHOD.steps(32), 32).read(sights) for each in (projections, flipped))
+        one, other = (Reader(each, METHOD.steps(32), 32, 5e-4).read(sights) for each in (projections, flipped))
         assert one.note == other.note
         assert one.hypotheses == other.hypotheses
         assert other.soft == pytest.approx(np.where(np.arange(32) % 3 == 0, -one.soft, one.soft), abs=1e-6)

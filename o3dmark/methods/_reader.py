@@ -18,8 +18,7 @@ from o3dmark.methods._sights import Sights, View
 _SETTLED = -6.0  # log10 of the p-value, all tries charged, below which a reading is beyond doubt, if also
 _CLEAR = 0.8  # its coherence is above this as received,
 _CLEAR_FITTED = 0.7  # or this after a fit
-_RARE = 27  # steps from the top of the ladder down, after which they are small enough for the thinnest shapes alone,
-_RARITY = 1.0  # and what that adds to log10 of the p-value of a reading with them
+_RARITY = 2.0  # log10 of how much rarer steps become for every octave that they are more than one from the usual
 _NOISE = 0.1  # vertex noise to expect, by the noise that it makes in a projection, in steps
 _FLOOR = np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 4e-4, 2e-4, 0.2])  # least doubt about frame motions and bulging
 
@@ -36,27 +35,38 @@ class _Reading:
 
 @dataclass(frozen=True, eq=False)
 class Reader:
-    """Reads ``n_bits`` bits with the key's projections and the steps (s,) that the options allow."""
+    """Reads ``n_bits`` bits with the key's projections and the steps (s,) that the options allow.
+
+    ``usual`` is the step that a surface of `Sights.extent` one takes; steps far from it need better evidence.
+    """
 
     projections: Projections
     steps: Floats
     n_bits: int
+    usual: float
 
     def read(self, received: Sights) -> Extraction:
         """The most significant reading of what is seen; soft bits of zero where nothing is."""
         best, tried = _Reading(np.full(len(self.projections), 0.25), 0.0, False, "nothing agrees with the key"), 0
+        least = np.inf
         for sights, fitted in received:
             views = [view for sight in sights for view in sight.views(self.projections)]
             tried += len(views) * len(self.steps)
-            reading = self._best(views, fitted)
-            if reading.log_p < best.log_p:
-                best = reading
+            reading = self._best(views, fitted, self._rarity(received))
+            charged = reading.log_p + np.log10(max(tried, 1))  # later rounds have more to choose from
+            if charged < least:
+                best, least = reading, charged
             if best.clear and best.log_p + np.log10(tried) < _SETTLED:
                 break
         soft = -np.cos(2.0 * np.pi * best.u).reshape(-1, self.n_bits).mean(axis=0)
         return Extraction(soft, max(tried, 1), best.note)
 
-    def _best(self, views: Sequence[View], fitted: bool) -> _Reading:
+    def _rarity(self, received: Sights) -> Floats:
+        """What to add to log10 of the p-value of a reading at each step (s,)."""
+        octaves = np.abs(np.log2(self.steps / (self.usual * received.extent)))
+        return np.asarray(_RARITY * np.maximum(octaves - 1.0, 0.0))
+
+    def _best(self, views: Sequence[View], fitted: bool, rarity: Floats) -> _Reading:
         """The most significant of all views at all steps, as they are or fitted."""
         if not len(views):
             return _Reading(np.zeros(len(self.projections)), 0.0, False, "")
@@ -72,7 +82,7 @@ class Reader:
             fitted_p = significance(moved, self.n_bits, freedom)
             if fitted_p.min() < plain.min():
                 best, p, clear, note = moved, fitted_p, _CLEAR_FITTED, ", frame fitted"
-        p = np.minimum(p + np.where(np.arange(len(p)) % len(self.steps) < _RARE, 0.0, _RARITY), 0.0)
+        p = np.minimum(p + np.tile(rarity, len(views)), 0.0)
         i = int(np.argmin(p))
         view, step = views[i // len(self.steps)], self.steps[i % len(self.steps)]
         return _Reading(best[i], float(p[i]), bool(coherence(best[i]) > clear), f"{view.note}{note}, step {step:.5f}")

@@ -115,10 +115,13 @@ class Sights:
     """The rounds of ways to see a received surface, for any number of keys. Iterate as often as you like.
 
     A round is a list of sights or paths, and whether a reader should fit the frame. No round: the solid has no frame.
+    ``extent``, from the first round on, is area times diagonal over the cube of the frame's scale: the longest step
+    within a given distortion is about proportional to it, since a thin shape has little to integrate.
     """
 
     def __init__(self, received: Surface, band: Band, *, search: bool = True) -> None:
         self.received, self.band, self.search = received, band, search
+        self.extent = 1.0
         self._found: list[tuple[Sequence[Sight | Path], bool]] = []
         self._more = self._rounds()
 
@@ -139,6 +142,7 @@ class Sights:
             return
         rule, frames = choices[0], choices[0].frames(solid)
         first = self._sight(rule, solid, frames[0])
+        self.extent = self.received.area * self.received.diagonal / first.frame.scale**3
         yield [first], False
         if not self.search:
             return
