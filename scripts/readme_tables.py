@@ -49,6 +49,7 @@ def rewritten(text: str) -> str:
     tables = {name: registry_table(each) for name, each in registries().items()}
     tables |= {"commands": commands_table(), "saliency-scs results": results_table()}
     tables |= {"shape-spectrum results": spectrum_table(), "informed results": informed_table()}
+    tables["campaign results"] = campaign_table()
     for name, table in tables.items():
         begin, end = f"<!-- table: {name} -->\n", "<!-- end -->"
         if begin in text:
@@ -146,6 +147,12 @@ def informed_table() -> str:
         controls = [two_digits(mean(float(row[name]) for row in mine)) for name in ("wrong_key_corr", "unmarked_corr")]
         lines.append(f"| {attack} | {len(mine)} | {exact} | {two_digits(least)} | {' | '.join(controls)} |")
     return "\n".join(lines) + "\n"
+
+
+def campaign_table() -> str:
+    """What all methods read in the paper's conditions: that table of results/paper_six/report.md."""
+    report = (RESULTS / "paper_six" / "report.md").read_text()
+    return report.split("### All methods in the paper's conditions\n\n")[1].split("\n\n")[0] + "\n"
 
 
 def published(attack: str) -> str:

@@ -48,6 +48,11 @@ class Method(abc.ABC):
         """Whether extraction needs the cover mesh as its reference."""
         return False
 
+    @property
+    def takes_reference(self) -> bool:
+        """Whether extraction can use the cover mesh as its reference."""
+        return self.informed
+
     @abc.abstractmethod
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """A copy of ``mesh`` (Open3D triangle mesh) that carries ``bits`` (n,).
@@ -57,7 +62,7 @@ class Method(abc.ABC):
 
     @abc.abstractmethod
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
-        """Read ``n_bits`` soft bits. ``reference``, the cover mesh, is for informed methods; the others refuse it."""
+        """Read ``n_bits`` soft bits. ``reference``, the cover mesh, is for methods that take one; others refuse it."""
 
     @abc.abstractmethod
     def capacity(self, mesh: Any) -> int:

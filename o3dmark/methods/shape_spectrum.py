@@ -84,6 +84,11 @@ class ShapeSpectrum(Method):
         if not (self.mrms > 0 and self.box > 0 and 0 < self.lowest < self.highest <= 40 and 0 <= self.slack < 0.25):
             raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
 
+    @property
+    def takes_reference(self) -> bool:
+        """A fragment is read with the cover at hand; a whole mesh needs none."""
+        return True
+
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
         surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
