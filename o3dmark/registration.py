@@ -38,12 +38,18 @@ def apply(matrix: Floats, points: Floats) -> Floats:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
+def numbered_alike(cover: Floats, received: Floats) -> bool:
+    """Whether a similarity lays each vertex of ``received`` (m, 3) on that of its number in ``cover`` (n, 3), about."""
+    if len(cover) != len(received):
+        return False
+    residual = apply(similarity(received, cover), received) - cover
+    return bool(np.sqrt(np.mean(np.sum(residual**2, axis=1))) < _FITS * diagonal(cover))
+
+
 def match_vertices(cover: Floats, received: Floats) -> Ints:
     """For each vertex of the ``cover`` (n, 3), the index of its counterpart in ``received`` (m, 3): an array (n,)."""
-    if len(cover) == len(received):
-        residual = apply(similarity(received, cover), received) - cover
-        if np.sqrt(np.mean(np.sum(residual**2, axis=1))) < _FITS * diagonal(cover):
-            return np.arange(len(cover))
+    if numbered_alike(cover, received):
+        return np.arange(len(cover))
     aligned = apply(align(received, cover), received)
     return np.asarray(cKDTree(aligned).query(cover)[1], np.int64)
 

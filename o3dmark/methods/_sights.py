@@ -80,6 +80,10 @@ class Sight:
     symmetry: Floats = field(default_factory=lambda: np.eye(3))
     note: str = "as received"
 
+    def values(self, projections: Projections) -> Floats:
+        """The projections (K,) alone, before any bulging."""
+        return projections(replace(self.spectrum, gradient=None).turned(self.symmetry).values)
+
     def views(self, projections: Projections) -> Iterator[View]:
         """The one view that this sight has."""
         spectrum, hand = self.spectrum.turned(self.symmetry), np.linalg.det(self.symmetry)
@@ -96,7 +100,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """What was seen at some numbers of passes of a smoothing, the key, undone; all else lies in between."""
+    """What was seen with so many passes of a smoothing undone, for a few numbers of them; the others lie in between."""
 
     sights: dict[int, Sight]
     name: str
@@ -105,10 +109,10 @@ class Path:
         """Before 1, 2, 3 ... passes, ever more sparsely: a spline through the sights."""
         if len(self.sights) < 3:
             return
-        seen = [view for sight in self.sights.values() for view in sight.views(projections)]
-        values = CubicSpline(list(self.sights), [view.values for view in seen])
+        received = next(next(iter(self.sights.values())).views(projections))
+        values = CubicSpline(list(self.sights), [sight.values(projections) for sight in self.sights.values()])
         for n in _PASSES[max(self.sights) >= _PASSES]:
-            yield View(values(n), seen[0].jacobian, seen[0].doubt, f"smoothed {n} times ({self.name})")
+            yield View(values(n), received.jacobian, received.doubt, f"smoothed {n} times ({self.name})")
 
 
 class Sights:

@@ -98,7 +98,9 @@ class ShapeSpectrum(Method):
         wanted = np.resize(message, len(cover.projections)).astype(np.float64)
         limit, real = self.mrms * surface.diagonal, [_HOPE]  # real motions over planned ones
         for plan in self._plans(cover, wanted, limit / _HOPE):
-            if plan.size * float(np.mean(real)) > limit or len(real) > _TRIES:
+            if len(real) > _TRIES:
+                break
+            if plan.size * float(np.mean(real)) > limit:
                 continue
             vertices, missed = cover.changed(plan.change, _EXACT * plan.step)
             size = normal_rms(cover.solid, vertices - surface.vertices)
@@ -165,6 +167,7 @@ class ShapeSpectrum(Method):
 
 
 def _surface(mesh: Any) -> Surface:
+    """The surface of a mesh, or through a point cloud."""
     is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
     return surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
 

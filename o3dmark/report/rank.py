@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from o3dmark.geometry import Floats, Ints, diagonal
-from o3dmark.registration import align, apply, similarity
+from o3dmark.registration import align, apply, numbered_alike
 
 _FITS = 0.02  # RMS distance, over the cover's diagonal, below which a mesh is taken to lie where its cover lies
 _PROBES = 5000  # vertices by which the pose is found: enough for it, and soon done
@@ -38,14 +38,11 @@ def counterparts(cover: Floats, attacked: Floats) -> Ints:
       `registration.align` (principal axes, then iterated closest points with unknown scale). A fragment that was moved
       too, or a mesh with a foreign part, is not laid well by that; its correlation is a lower bound.
     """
-    size = diagonal(cover)
-    if len(cover) == len(attacked):
-        moved = apply(similarity(attacked, cover), attacked)
-        if np.sqrt(np.mean(np.sum((moved - cover) ** 2, axis=1))) < _FITS * size:
-            return np.arange(len(cover))
+    if numbered_alike(cover, attacked):
+        return np.arange(len(cover))
     tree = cKDTree(cover)
     distance, nearest = tree.query(attacked)
-    if np.sqrt(np.mean(distance**2)) > _FITS * size:
+    if np.sqrt(np.mean(distance**2)) > _FITS * diagonal(cover):
         pose = align(_probes(attacked), _probes(cover))
         nearest = tree.query(apply(pose, attacked))[1]
     return np.asarray(nearest, np.int64)
