@@ -234,7 +234,7 @@ def rules(solid: Solid) -> list[Rule]:
 def principal(solid: Solid, measure: Measure) -> tuple[Frame, Floats]:
     """The frame of the principal axes, of any sign, and the variance (3,) along each, of sum one, ascending."""
     near = solid.vertices.mean(axis=0)  # far from the origin, moments would lose their digits
-    mass, first, second = moments(Solid(solid.vertices - near, solid.triangles, solid.free), measure)
+    mass, first, second = moments(solid, measure, near)
     if not mass > (1e-9 * solid.area**1.5 if measure == "volume" else 0.0):
         raise MeshError("the surface encloses no volume; close it, or give it thickness")
     mean = first / mass

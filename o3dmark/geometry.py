@@ -4,6 +4,8 @@ Pure functions, no mesh object and no Open3D. Lengths, areas and volumes come in
 Triangles wind counter-clockwise seen from outside, so that normals point outward and volumes are positive.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -14,8 +16,14 @@ Ints = NDArray[np.int64]
 
 def area_vectors(vertices: Floats, triangles: Ints) -> Floats:
     """Each triangle's normal times its area (m, 3): half the cross product of two edges."""
-    a, b, c = vertices[triangles[:, 0]], vertices[triangles[:, 1]], vertices[triangles[:, 2]]
-    return 0.5 * np.cross(b - a, c - a)
+    corners = np.ascontiguousarray(triangles.T)
+    (ux, vx), (uy, vy), (uz, vz) = (x[corners[1:]] - x[corners[0]] for x in np.ascontiguousarray(vertices.T))
+    vectors = np.empty((len(triangles), 3))  # by columns: three times as fast as numpy.cross of rows
+    vectors[:, 0] = uy * vz - uz * vy
+    vectors[:, 1] = uz * vx - ux * vz
+    vectors[:, 2] = ux * vy - uy * vx
+    vectors *= 0.5
+    return vectors
 
 
 def areas(vertices: Floats, triangles: Ints) -> Floats:
@@ -115,9 +123,22 @@ def weld(vertices: Floats) -> tuple[Ints, Ints]:
     Returns ``kept`` (k,), the index of the first vertex at each position, in order of appearance, and ``position``
     (n,), for every vertex its place in ``kept``.
     """
-    rows = np.ascontiguousarray(vertices + 0.0).view([("", np.float64)] * 3).ravel()  # + 0.0 makes -0 equal to 0
-    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
+    first, group = distinct_rows(vertices)
+    order = np.argsort(first)
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    return first[order].astype(np.int64), place[inverse.ravel()].astype(np.int64)
+    return first[order], place[group]
+
+
+def distinct_rows(rows: NDArray[Any]) -> tuple[Ints, Ints]:
+    """Where each of the different rows (k,) of a table (n, d) comes first, and for every row which of these it is (n,).
+
+    In lexicographic order from the last column; numpy.unique by rows, several times faster.
+    """
+    order = np.lexsort(rows.T)  # stable
+    ranked = rows[order]
+    new = np.ones(len(rows), bool)
+    new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
+    group = np.empty(len(rows), np.int64)
+    group[order] = np.cumsum(new) - 1
+    return order[new], group

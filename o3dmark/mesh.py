@@ -54,7 +54,7 @@ class Surface:
         kept, position = geometry.weld(vertices)
         corners = position[triangles]
         corners = corners[_proper(corners)]
-        used = np.unique(corners)
+        used = np.flatnonzero(np.bincount(corners.ravel(), minlength=len(kept)))
         if not len(used) or not geometry.diagonal(vertices[kept[used]]):
             raise MeshError("the mesh has no triangle with three different corners")
         row = np.full(len(kept), -1, np.int64)
@@ -172,7 +172,8 @@ def _check(vertices: Floats, triangles: Ints) -> None:
 
 def _proper(corners: Ints) -> NDArray[np.bool_]:
     """True (m,) for triangles with three different corners, at the first appearance of their corner set."""
-    a, b, c = np.sort(corners, axis=1).T
+    ordered = np.sort(corners, axis=1)
     first = np.zeros(len(corners), bool)
-    first[np.unique(np.stack([a, b, c], axis=1), axis=0, return_index=True)[1]] = True
+    first[geometry.distinct_rows(ordered)[0]] = True
+    a, b, c = ordered.T
     return first & (a != b) & (b != c)

@@ -23,22 +23,21 @@ _MANY = 40_000  # triangles, from which on one point in each is accurate
 _STEP = 1e-4  # of finite differences, in units of the frame
 
 
-def moments(solid: Solid, measure: Measure) -> tuple[float, Floats, Floats]:
-    """Mass, first moment (3,) and second moment (3, 3) about the origin of the coordinates."""
-    corners = solid.vertices[solid.triangles]
-    size = _sizes(solid, measure)
-    whole = corners.sum(axis=1)
-    second = np.einsum("m,mi,mj->ij", size, whole, whole) + np.einsum("m,mci,mcj->ij", size, corners, corners)
+def moments(solid: Solid, measure: Measure, origin: Floats | float = 0.0) -> tuple[float, Floats, Floats]:
+    """Mass, first moment (3,) and second moment (3, 3) about ``origin`` (3,)."""
+    a, b, c = (solid.vertices - origin)[solid.triangles.T]
+    size, whole = _sizes(solid, measure, a), a + b + c
+    second = sum((size * x.T) @ x for x in (whole, a, b, c))
     bulk = measure == "volume"
-    return float(size.sum()), size @ whole / (4.0 if bulk else 3.0), second / (20.0 if bulk else 12.0)
+    return float(size.sum()), size @ whole / (4.0 if bulk else 3.0), np.asarray(second / (20.0 if bulk else 12.0))
 
 
 def third_moments(seen: Solid, measure: Measure) -> Floats:
     """Skewness (3,) along each coordinate axis: mean of x^3 over that of x^2 to the power 3/2, ``seen`` centred."""
-    corners = seen.vertices[seen.triangles]
-    size = _sizes(seen, measure)
-    p1, p2, p3 = (np.sum(corners**n, axis=1) for n in (1, 2, 3))
-    cube = size @ (p1**3 + 3.0 * p1 * p2 + 2.0 * p3) / 6.0 / (20.0 if measure == "volume" else 10.0)
+    a, b, c = seen.vertices[seen.triangles.T]
+    size, p1 = _sizes(seen, measure, a), a + b + c
+    p2, p3 = a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
+    cube = size @ (p1 * p1 * p1 + 3.0 * p1 * p2 + 2.0 * p3) / 6.0 / (20.0 if measure == "volume" else 10.0)
     mass, _, second = moments(seen, measure)
     return np.asarray(cube / mass / (np.diag(second) / mass) ** 1.5)
 
@@ -48,7 +47,7 @@ def complex_moment(seen: Solid, measure: Measure, function: Callable[[Floats], N
     weights, barycentric = _gauss(3 if len(seen.triangles) < _MANY else 1)
     points = np.einsum("gc,mcd->gmd", barycentric, seen.vertices[seen.triangles])
     if measure == "area":
-        return complex(weights @ function(points) @ np.linalg.norm(seen.area_vectors, axis=1))
+        return complex(weights @ function(points) @ seen.areas)
     # div(f x) = (degree + 3) f, and x . a is the same all over a triangle
     size = np.einsum("md,md->m", seen.area_vectors, seen.vertices[seen.triangles[:, 0]])
     return complex(weights @ function(points) @ size / (degree + 3))
@@ -78,11 +77,11 @@ def response(
     return np.asarray(total)
 
 
-def _sizes(solid: Solid, measure: Measure) -> Floats:
-    """Areas (m,), or the signed volumes of the tetrahedra that the triangles span with the origin."""
+def _sizes(solid: Solid, measure: Measure, corner: Floats) -> Floats:
+    """Areas (m,), or the signed volumes of the tetrahedra of triangles and origin; ``corner`` (m, 3) from there."""
     if measure == "area":
-        return np.asarray(np.linalg.norm(solid.area_vectors, axis=1))
-    return np.einsum("md,md->m", solid.area_vectors, solid.vertices[solid.triangles[:, 0]]) / 3.0
+        return solid.areas
+    return np.einsum("md,md->m", solid.area_vectors, corner) / 3.0
 
 
 def _gauss(order: int) -> tuple[Floats, Floats]:

@@ -52,18 +52,27 @@ class Solid:
         return geometry.area_vectors(self.vertices, self.triangles)
 
     @cached_property
+    def areas(self) -> Floats:
+        """Triangle areas (m,)."""
+        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
+
+    @cached_property
     def area(self) -> float:
-        return float(np.linalg.norm(self.area_vectors, axis=1).sum())
+        return float(self.areas.sum())
 
     @cached_property
     def vertex_area_vectors(self) -> Floats:
         """A third of the area vectors around each vertex of the mesh (n_mesh, 3)."""
-        return geometry.vertex_area_vectors(self.vertices, self.triangles)[: len(self.free)] / 3.0
+        return self._at_vertices(self.area_vectors)
 
     @cached_property
     def vertex_areas(self) -> Floats:
         """A third of the area around each vertex of the mesh (n_mesh,)."""
-        return geometry.vertex_areas(self.vertices, self.triangles)[: len(self.free)]
+        return self._at_vertices(self.areas)
+
+    def _at_vertices(self, values: Floats) -> Floats:
+        sums = geometry.sum_at_vertices(values, self.triangles, len(self.vertices))
+        return sums[: len(self.free)] / 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +95,16 @@ def samples(solid: Solid, longest: float, shortest: float = 0.0) -> Samples:
     Triangles with an edge above ``longest`` are split; each part then has three points, or one, its centroid, when all
     edges are below ``shortest``.
     """
-    owner, corners = _split(solid.vertices, solid.triangles, longest)  # (p,), (p, 3 corners, 3 coordinates)
-    share = np.abs(np.linalg.det(corners))  # of the triangle's area: barycentric coordinates map it to a unit one
-    side = _longest_edge(solid.vertices[solid.triangles])[owner]
-    fine = side < shortest
-    weights = np.concatenate([corners[fine].mean(axis=1), (_CORNERS @ corners[~fine]).reshape(-1, 3)])
-    triangle = np.concatenate([owner[fine], np.repeat(owner[~fine], 3)])
-    share = np.concatenate([share[fine], np.repeat(share[~fine] / 3.0, 3)])
-    points = np.einsum("qc,qcd->qd", weights, solid.vertices[solid.triangles[triangle]])
-    return Samples(points, share[:, None] * solid.area_vectors[triangle], solid.triangles[triangle], weights)
+    fine = _longest_edge(solid.vertices, solid.triangles) < shortest
+    whole, rest = np.flatnonzero(fine), np.flatnonzero(~fine)
+    owner, corners = _split(solid.vertices, solid.triangles[rest], longest)  # (p,), (p, 3 corners, 3 coordinates)
+    part = np.abs(np.linalg.det(corners))  # of the triangle's area: barycentric coordinates map it to a unit one
+    triangle = np.concatenate([whole, np.repeat(rest[owner], 3)])
+    share = np.concatenate([np.ones(len(whole)), np.repeat(part / 3.0, 3)])
+    weights = np.concatenate([np.full((len(whole), 3), 1.0 / 3.0), (_CORNERS @ corners).reshape(-1, 3)])
+    vertex = solid.triangles[triangle]
+    points = sum(weights[:, [c]] * solid.vertices[vertex[:, c]] for c in range(3))
+    return Samples(np.asarray(points), share[:, None] * solid.area_vectors[triangle], vertex, weights)
 
 
 def oriented(vertices: Floats, triangles: Ints) -> Ints:
@@ -195,9 +205,10 @@ def _piece_volumes(vertices: Floats, triangles: Ints, piece: Ints) -> Floats:
     return np.asarray(np.bincount(piece, cones, pieces), np.float64)
 
 
-def _longest_edge(corners: Floats) -> Floats:
-    """Length (m,) of the longest edge of triangles given by their corners (m, 3, 3)."""
-    return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1))
+def _longest_edge(vertices: Floats, triangles: Ints) -> Floats:
+    """Length (m,) of the longest edge of each triangle."""
+    a, b, c = vertices[triangles.T]
+    return np.sqrt(np.max([np.einsum("md,md->m", edge, edge) for edge in (b - a, c - b, a - c)], axis=0))
 
 
 def _split(vertices: Floats, triangles: Ints, longest: float) -> tuple[Ints, Floats]:
@@ -208,7 +219,7 @@ def _split(vertices: Floats, triangles: Ints, longest: float) -> tuple[Ints, Flo
     owner = np.arange(len(triangles))
     corners = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
     done: list[tuple[Ints, Floats]] = []
-    while len(owner):
+    while len(owner) or not done:
         position = corners @ vertices[triangles[owner]]
         length = np.linalg.norm(position - np.roll(position, -1, axis=1), axis=2)
         long = length.max(axis=1) > longest

@@ -20,7 +20,7 @@ from o3dmark.spectrum import Band, Spectrum
 _SPLIT = 0.35  # longest edge of a quadrature triangle, over the shortest wavelength
 _POINT = 0.05  # edges below which one point a triangle will do, over the shortest wavelength
 _NEWTON_STEPS = 8
-_MANY = 60_000  # samples above which the answer of the projections is lumped at the vertices
+_MANY = 20_000  # triangles above which the answer of the projections is lumped at the vertices
 
 
 def spectrum_of(band: Band, seen: Solid, *, gradient: bool = False) -> Spectrum:
@@ -30,13 +30,13 @@ def spectrum_of(band: Band, seen: Solid, *, gradient: bool = False) -> Spectrum:
 
 
 class Cover:
-    """A mesh about to be marked: its frame, its projections, and what it costs to change them.
+    """A mesh about to be marked, with its solid: its frame, its projections, and what it costs to change them.
 
     ``mask`` (n,) above zero says where motion is welcome: twice the mask, twice the motion for the same pull.
     """
 
-    def __init__(self, projections: Projections, surface: Surface, mask: Floats | None = None) -> None:
-        self.projections, self.surface, self.solid = projections, surface, Solid.of(surface)
+    def __init__(self, projections: Projections, surface: Surface, solid: Solid, mask: Floats | None = None) -> None:
+        self.projections, self.surface, self.solid = projections, surface, solid
         self._mask = np.ones(len(surface.vertices)) if mask is None else mask
         self.rule = rules(self.solid)[0]
         self.frame = self.rule.frames(self.solid)[0]
@@ -124,10 +124,11 @@ class Cover:
 
 def _direct_response(projections: Projections, seen: Solid, normals: Floats) -> Floats:
     """Change of the projections (K, n) in a fixed frame: the integral of each function times a vertex's motion."""
-    q, n = samples(seen, _SPLIT * projections.band.shortest), len(seen.free)
-    if len(q.points) > _MANY:
+    n = len(seen.free)
+    if len(seen.triangles) > _MANY:
         lumped = np.einsum("vd,vd->v", seen.vertex_area_vectors, normals)
         return projections.functions(seen.vertices[:n]) * lumped
+    q = samples(seen, _SPLIT * projections.band.shortest)
     mine = q.corners < n
     speed = np.einsum("qd,qcd->qc", q.area_vectors, normals[np.where(mine, q.corners, 0)]) * q.weights
     place = np.broadcast_to(np.arange(len(q.points))[:, None], q.corners.shape)

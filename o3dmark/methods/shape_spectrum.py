@@ -92,8 +92,6 @@ class ShapeSpectrum(Method):
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
         surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
-        if len(message) > (fits := self.capacity(mesh)):
-            raise CapacityError(len(message), fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
         cover = self.cover(surface, key, len(message))
         wanted = np.resize(message, len(cover.projections)).astype(np.float64)
         limit, real = self.mrms * surface.diagonal, [_HOPE]  # real motions over planned ones
@@ -125,7 +123,7 @@ class ShapeSpectrum(Method):
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the borders, up to 128."""
-        return min(_MOST_BITS, int(Solid.of(Surface.of(mesh)).free.sum()) // _VERTICES_A_BIT)
+        return _room(Solid.of(Surface.of(mesh)))
 
     @property
     def band(self) -> Band:
@@ -136,9 +134,12 @@ class ShapeSpectrum(Method):
         return Projections.of(key, self.band, n_bits * max(1, _LEAST_PROJECTIONS // n_bits))
 
     def cover(self, surface: Surface, key: Key, n_bits: int) -> Cover:
-        """An unmarked surface as the writer of a key's bits sees it."""
+        """An unmarked surface as the writer of a key's bits sees it. Errors: CapacityError if they do not fit."""
+        solid = Solid.of(surface)
+        if n_bits > (fits := _room(solid)):
+            raise CapacityError(n_bits, fits, f"{_VERTICES_A_BIT} vertices off the borders a bit")
         mask = None if self.mask == "none" else _mask(surface)
-        return Cover(self.projections(key, n_bits), surface, mask)
+        return Cover(self.projections(key, n_bits), surface, solid, mask)
 
     def steps(self, n_bits: int) -> Floats:
         """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
@@ -164,6 +165,10 @@ class ShapeSpectrum(Method):
     def _reads(self, marked: Surface, message: NDArray[np.uint8], key: Key) -> bool:
         seen = Sights(marked, self.band, search=self.search)
         return np.array_equal(self.reader(len(message), key).read(seen).bits, message)
+
+
+def _room(solid: Solid) -> int:
+    return min(_MOST_BITS, int(solid.free.sum()) // _VERTICES_A_BIT)
 
 
 def _surface(mesh: Any) -> Surface:
