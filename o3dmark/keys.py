@@ -71,11 +71,6 @@ class Key:
         """The pseudo-random stream that belongs to this key and ``label``; the same ten years on, on any machine."""
         return Stream(self.secret, label)
 
-    def tag(self, label: str, data: bytes, n_bits: int) -> NDArray[np.uint8]:
-        """``n_bits`` keyed check bits (n_bits,) of ``data``: a truncated BLAKE2b MAC (RFC 7693)."""
-        mac = hashlib.blake2b(data, key=self.secret, person=hashlib.blake2b(label.encode(), digest_size=16).digest())
-        return np.unpackbits(np.frombuffer(mac.digest(), np.uint8))[:n_bits]
-
 
 class Stream:
     """Successive draws from one labelled stream. Every draw consumes whole bytes, so draws can be replayed in order."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from o3dmark.detection import Detection, detect
-from o3dmark.errors import CapacityError, SpecError
+from o3dmark.errors import SpecError
 from o3dmark.keys import Key
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.payload import CODES, Code, Decoded
@@ -104,12 +104,6 @@ class Watermark:
     def extract_bits(self, mesh: Any, key: Key, *, reference: Any = None) -> Extraction:
         """Raw soft bits (n_bits,) past the code; all zero when the mesh is too small to carry so many."""
         return self.method.extract(mesh, self.n_bits, key, reference=reference)
-
-    def check_room(self, mesh: Any) -> None:
-        """Errors: CapacityError, which says how many bits fit, when the mesh is too small."""
-        fits = self.method.capacity(mesh)
-        if fits < self.n_bits:
-            raise CapacityError(self.n_bits, fits)
 
     def to_dict(self) -> dict[str, Any]:
         return {"method": spec_of(self.method), "code": spec_of(self.code), "n_bits": self.n_bits}

@@ -204,11 +204,11 @@ def test_every_command_takes_json() -> None:
         assert command.help, name
 
 
-def test_as_a_program(tmp_path: Path) -> None:
-    """The installed command: exit code, and neither traceback nor chatter."""
-    program = Path(sys.executable).with_name("o3dmark")
+@pytest.mark.parametrize("program", [[Path(sys.executable).with_name("o3dmark")], [sys.executable, "-m", "o3dmark"]])
+def test_as_a_program(program: list[str | Path], tmp_path: Path) -> None:
+    """The installed command, and the package: exit code, and neither traceback nor chatter."""
     done = subprocess.run(
-        [program, "extract", "nowhere.ply", "--key", "nokey"],
+        [*program, "extract", "nowhere.ply", "--key", "nokey"],
         cwd=tmp_path,
         env=os.environ,
         capture_output=True,

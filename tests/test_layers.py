@@ -29,9 +29,8 @@ LAYERS = """
     campaign
     view
     report
-    cli_bench
     cli
-    o3dmark
+    o3dmark __main__
 """
 LEVEL = {unit: level for level, line in enumerate(LAYERS.split("\n")) for unit in line.split()}
 DOORS = {

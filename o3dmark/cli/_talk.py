@@ -1,0 +1,42 @@
+"""What commands print: one object on stdout, talk on stderr."""
+
+import json as json_text
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+_FOR_PROGRAMS = {"soft", "log10_p"}  # of no use in a table
+
+
+def since(started: float) -> float:
+    return round(time.perf_counter() - started, 3)
+
+
+def print_result(values: Mapping[str, Any], json: bool) -> None:
+    """One object on stdout: JSON, or a table of two columns."""
+    if json:
+        print(json_text.dumps(values))
+        return
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value in values.items():
+        if name not in _FOR_PROGRAMS:
+            table.add_row(name, _text(value))
+    Console(soft_wrap=True, highlight=False).print(table)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_text(each)}" for name, each in value.items())
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return " ".join(_text(each) for each in value)
+    return "-" if value is None else str(value)
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr)

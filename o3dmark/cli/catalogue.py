@@ -1,0 +1,65 @@
+"""The command that lists what there is."""
+
+import sys
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from o3dmark.cli._arguments import Json
+from o3dmark.cli._talk import print_result
+from o3dmark.errors import SpecError
+
+_COLUMNS = ("option", "type", "default", "meaning")
+
+
+def list_(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, attacks, metrics, codes, shapes or profiles.")],
+    json: Json = False,
+) -> None:
+    """What there is, with every option, its default and its unit."""
+    from o3dmark.registry import describe
+
+    registry = _registry(kind)
+    if isinstance(registry, Mapping):
+        print_result({name: each.to_dict() for name, each in registry.items()}, json)
+        return
+    entries: dict[str, Any] = {
+        name: {
+            "summary": (registry[name].__doc__ or "").strip().splitlines()[0],
+            "options": [dict(zip(_COLUMNS, row, strict=True)) for row in describe(registry[name])],
+        }
+        for name in registry
+    }
+    if json:
+        print_result(entries, json)
+        return
+    table = Table("name", *_COLUMNS, box=None, pad_edge=False)
+    for name, entry in entries.items():
+        table.add_row(name, "", "", "", entry["summary"], style="bold")
+        for row in entry["options"]:
+            table.add_row("", row["option"], row["type"], str(row["default"]), row["meaning"])
+    Console(soft_wrap=not sys.stdout.isatty()).print(table)
+
+
+def _registry(kind: str) -> Any:
+    from o3dmark.attacks import ATTACKS
+    from o3dmark.methods import METHODS
+    from o3dmark.metrics import METRICS
+    from o3dmark.payload import CODES
+    from o3dmark.synthetic import SHAPES
+    from o3dmark.watermark import PROFILES
+
+    kinds = {
+        "methods": METHODS,
+        "attacks": ATTACKS,
+        "metrics": METRICS,
+        "codes": CODES,
+        "shapes": SHAPES,
+        "profiles": PROFILES,
+    }
+    if kind not in kinds:
+        raise SpecError(f"no list of {kind!r}; there is {', '.join(kinds)}")
+    return kinds[kind]

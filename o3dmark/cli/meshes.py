@@ -1,0 +1,158 @@
+"""Commands for meshes, marked or not: attack, compare, saliency, view, synth."""
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from o3dmark.cli._arguments import In, Json, Out, Seed
+from o3dmark.cli._talk import print_result, since
+from o3dmark.errors import SpecError
+
+
+def attack(
+    source: In,
+    output: Out,
+    specs: Annotated[list[str], typer.Argument(metavar="SPEC...", help="Attacks, applied left to right; see list.")],
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Do to a mesh what the world does: noise, smoothing, simplification, cropping, ..."""
+    from o3dmark.attacks import ATTACKS, attack_all
+    from o3dmark.files import read_mesh, write_mesh
+    from o3dmark.registry import spec_of
+
+    attacks = [ATTACKS.make(spec) for spec in specs]
+    mesh = attack_all(read_mesh(source), attacks, seed)
+    write_mesh(output, mesh)
+    size = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
+    print_result({"output": str(output), "attacks": [spec_of(a) for a in attacks], **size}, json)
+
+
+def compare(
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The mesh that lengths are relative to.")],
+    other: Annotated[Path, typer.Argument(metavar="OTHER", help="The distorted mesh.")],
+    metric: Annotated[list[str] | None, typer.Option(metavar="SPEC", help="Instead of all; may be repeated.")] = None,
+    json: Json = False,
+) -> None:
+    """Measure what a mark or an attack cost. A metric that needs equal triangles is null where they differ."""
+    from o3dmark.files import read_mesh
+    from o3dmark.metrics import METRICS
+
+    metrics = {spec: METRICS.make(spec) for spec in metric or METRICS}
+    meshes = read_mesh(reference), read_mesh(other)
+    print_result({spec: _value(each, *meshes) for spec, each in metrics.items()}, json)
+
+
+def saliency(
+    source: In,
+    out: Annotated[
+        Path | None, typer.Option(metavar="PLY|NPY|PNG", help="A coloured mesh or cloud, the values, or a picture.")
+    ] = None,
+    scales: Annotated[str, typer.Option(help="sigma in epsilons; '2' is the paper's.")] = "2,3,4,5,6",
+    epsilon: Annotated[float, typer.Option(help="Unit of the scales, over the bounding-box diagonal.")] = 0.003,
+    json: Json = False,
+) -> None:
+    """Mesh saliency of a mesh or a point cloud."""
+    from o3dmark.files import read_shape
+    from o3dmark.saliency import Saliency
+
+    try:
+        measure = Saliency(scales=tuple(float(scale) for scale in scales.split(",")), epsilon=epsilon)
+    except ValueError as error:
+        raise SpecError(f"--scales {scales}: {error}") from None
+    shape, started = read_shape(source), time.perf_counter()
+    values = measure(shape)
+    seconds = since(started)
+    if out is not None:
+        _save_scalars(out, shape, values)
+    stats = {"min": float(values.min()), "max": float(values.max()), "mean": float(values.mean())}
+    print_result({"output": None if out is None else str(out), **stats, "seconds": seconds}, json)
+
+
+def view(
+    meshes: Annotated[list[Path], typer.Argument(metavar="MESH...", help="One or more meshes.")],
+    scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
+    png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
+    json: Json = False,
+) -> None:
+    """Look at meshes side by side, in a window or, without a display, as a picture."""
+    from o3dmark.files import read_mesh
+    from o3dmark.view import Panel, save_png, sheet, show
+
+    shapes = [read_mesh(path) for path in meshes]
+    values = _scalars(scalars, shapes)
+    if png is None:
+        show(shapes, values)
+    else:
+        panels = [
+            Panel(path.name, shape, scalars=value, bar=scalars or "")
+            for path, shape, value in zip(meshes, shapes, values, strict=True)
+        ]
+        save_png(png, sheet(panels, columns=min(len(panels), 3)))
+    print_result({"output": None if png is None else str(png), "meshes": [str(path) for path in meshes]}, json)
+
+
+def synth(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A shape and its options, like bust:vertices=4000.")],
+    output: Out,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Make one of the procedural test shapes."""
+    from o3dmark.files import write_mesh
+    from o3dmark.synthetic import make
+
+    mesh = make(name, seed)
+    write_mesh(output, mesh)
+    print_result({"output": str(output), "vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}, json)
+
+
+def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
+    """For each mesh the values to colour it by, or None."""
+    if kind is None:
+        return [None] * len(shapes)
+    if kind == "saliency":
+        from o3dmark.saliency import Saliency
+
+        return [Saliency()(shape) for shape in shapes]
+    if kind == "distance":
+        from o3dmark.closest import closest_points
+        from o3dmark.mesh import Surface, mesh_arrays
+
+        first = Surface.of(shapes[0])
+        distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]
+        return [None, *distances]
+    raise SpecError(f"--scalars is saliency or distance, not {kind!r}")
+
+
+def _save_scalars(out: Path, shape: Any, values: Any) -> None:
+    """Saliency as a picture, as numbers (numpy) or as the colours of the mesh or cloud it belongs to."""
+    import numpy as np
+
+    from o3dmark.files import replacing, write_shape
+    from o3dmark.view import coloured, render_scalars, save_png
+
+    if out.suffix.lower() == ".png":
+        save_png(out, render_scalars(shape, values, "saliency"))
+    elif out.suffix.lower() == ".npy":
+        with replacing(out) as draft:
+            np.save(draft, values)
+    else:
+        write_shape(out, coloured(shape, values))
+
+
+def _value(metric: Any, reference: Any, distorted: Any) -> float | None:
+    """The metric's value, or None where it needs equal triangles and they differ, or where it is infinite."""
+    from o3dmark.errors import MeshError
+
+    try:
+        value = metric(reference, distorted)
+    except MeshError:
+        if metric.needs_equal_connectivity:
+            return None
+        raise
+    return float(value) if math.isfinite(value) else None
