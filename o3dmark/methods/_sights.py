@@ -27,6 +27,7 @@ from o3dmark.spectrum import Band, Spectrum
 from o3dmark.unfilter import Transfer, Unfilter, humphrey, taubin, umbrella
 
 _COARSE = 20_000  # triangles, below which the surface may be a simplified one
+_ABRUPT = 3e-4  # RMS motion in a pass of smoothing, over the diagonal, above which every pass is worked out
 _BULGES = np.arange(0.0, 1.0, 0.125)  # where to start from: the share of the fully curved surface's bulging
 _ROUGH = 2.5  # unsmoothing that makes the area grow by more than this has gone too far
 _PASSES = np.unique(np.rint(1.06 ** np.arange(80.0))).astype(int)  # numbers of passes to tell apart
@@ -36,18 +37,24 @@ _FLIPS = [np.diag(s) for s in itertools.product((1.0, -1.0), repeat=3)]
 class _Smoothing(NamedTuple):
     """A way to smooth: its name, its transfer for a number of passes, the passes at which to work the surface out.
 
-    A high ``gain`` undoes it exactly; a low one suits files that were rounded or disturbed after the smoothing.
+    A high ``gain`` undoes it exactly; a low one suits files that were rounded or disturbed after the smoothing. Where
+    a pass does much, as on machine parts with long triangles, there may be ``dense`` numbers of passes.
     """
 
     name: str
     transfer: Callable[[float], Transfer]
     gain: float
     nodes: tuple[int, ...]
+    dense: tuple[int, ...] = ()
+
+    def spaced(self, abrupt: bool) -> "_Smoothing":
+        """The same with the numbers of passes that are to be worked out."""
+        return self._replace(nodes=self.dense) if abrupt and self.dense else self
 
 
 _UMBRELLA_NODES, _TAUBIN_NODES = (2, 6, 12, 22, 36, 55, 78), (3, 9, 20, 35, 55)
 _SMOOTHINGS = (
-    _Smoothing("umbrella", lambda n: umbrella(n, 0.1), 1000.0, _UMBRELLA_NODES),
+    _Smoothing("umbrella", lambda n: umbrella(n, 0.1), 1000.0, _UMBRELLA_NODES, tuple(_PASSES[_PASSES <= 78])),
     _Smoothing("Taubin", lambda n: taubin(n, 0.5, -0.53), 30.0, _TAUBIN_NODES),
     _Smoothing("HC", humphrey, 8.0, (1, 2, 4, 7, 10, 14)),
     _Smoothing("umbrella", lambda n: umbrella(n, 0.1), 8.0, _UMBRELLA_NODES),
@@ -158,9 +165,12 @@ class Sights:
         symmetries = _distinct([flip @ symmetry for symmetry in doubts for flip in _FLIPS])
         yield [replace(sight, symmetry=symmetry) for sight in (first, *others) for symmetry in symmetries], True
         basis = Unfilter(self.received)
-        for smoothing in _SMOOTHINGS:
+        abrupt = self._motion(basis) > _ABRUPT
+        for smoothing in (s.spaced(abrupt) for s in _SMOOTHINGS):
             path = self._unsmoothed(basis, solid, rule, first, smoothing)
             yield [_turned(path, symmetry, smoothing.name) for symmetry in doubts], True
+            if abrupt and smoothing.dense:
+                yield list(self._anew(basis, solid, path, smoothing, doubts)), True
 
     def _sight(self, rule: Rule, solid: Solid, frame: Frame) -> Sight:
         seen = frame.solid(solid)
@@ -177,6 +187,11 @@ class Sights:
         bulge = Spectrum(self.band, spectrum.values - first.spectrum.values)
         for share in _BULGES:
             yield replace(first, bulge=bulge, bulging=share, note=f"bulging by {share:g}")
+
+    def _motion(self, basis: Unfilter) -> float:
+        """RMS motion of the surface in a pass of umbrella smoothing, over the diagonal."""
+        motion, area = basis.undo(umbrella(2, 0.1), 1000.0) - self.received.vertices, self.received.vertex_areas
+        return float(np.sqrt(area @ np.sum(motion**2, axis=1) / area.sum())) / 2.0 / self.received.diagonal
 
     def _unsmoothed(
         self, basis: Unfilter, solid: Solid, rule: Rule, first: Sight, smoothing: _Smoothing
@@ -198,6 +213,21 @@ class Sights:
             path[n] = replace(first, frame=frame, spectrum=replace(spectrum, gradient=first.spectrum.gradient))
         return path
 
+    def _anew(
+        self, basis: Unfilter, solid: Solid, path: dict[int, Sight], smoothing: _Smoothing, symmetries: list[Floats]
+    ) -> Iterator[Sight]:
+        """The surfaces of a path as one sees them who never saw the received one, where that is in another frame."""
+        for n, sight in itertools.islice(path.items(), 1, None):
+            before = solid.moved(basis.undo(smoothing.transfer(n), smoothing.gain))
+            try:
+                rule = rules(before)[0]
+            except MeshError:
+                continue
+            frames = rule.frames(before)
+            if not _same(frames[0], sight.frame, symmetries):
+                seen = replace(self._sight(rule, before, frames[0]), note=f"smoothed {n} times ({smoothing.name})")
+                yield from (replace(seen, symmetry=symmetry) for symmetry in rule.doubts(before, frames))
+
 
 def _turned(path: dict[int, Sight], symmetry: Floats, name: str) -> Path:
     return Path({n: replace(sight, symmetry=symmetry) for n, sight in path.items()}, name)
@@ -207,6 +237,12 @@ def _related(frame: Frame, other: Frame) -> bool:
     """Whether the axes of two frames are permutations and flips of each other."""
     turn = np.abs(frame.axes @ other.axes.T)
     return bool(np.abs(turn - np.rint(turn)).max() < 1e-6)
+
+
+def _same(frame: Frame, other: Frame, symmetries: list[Floats]) -> bool:
+    """Whether a frame is the other one, or one of its symmetric positions."""
+    turn = frame.axes @ other.axes.T
+    return abs(frame.scale / other.scale - 1.0) < 1e-6 and any(np.abs(turn - s).max() < 1e-6 for s in symmetries)
 
 
 def _distinct(matrices: Sequence[Floats]) -> list[Floats]:
