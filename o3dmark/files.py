@@ -27,6 +27,11 @@ _PLY_SIZES = {
     **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
     **dict.fromkeys(("double", "float64"), 8),
 }
+_GAP = rb"(?:\s|#[^\n]*\n)"
+_OFF_HEAD = re.compile(  # a third count, of the edges, may follow on the line of the second
+    _GAP + rb"*(?P<kind>(?:ST)?C?N?OFF)" + _GAP + rb"*(?P<v>\d+)" + _GAP + rb"+(?P<f>\d+)(?:[ \t]+\d+)?(?=\s)", re.I
+)
+_PLAIN_OFF = re.compile(rb"(?:ST)?C?N?OFF[ \t\r]*\n")  # the first line that Open3D takes
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
@@ -39,7 +44,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         mesh = _read_obj(path)
     else:
         vertices, faces = _announced(path)
-        mesh = _open3d_mesh(path)
+        mesh = _read_off(path) if path.suffix.lower() == ".off" else _open3d_mesh(path)
         if len(mesh.vertices) < vertices or len(mesh.triangles) < faces:  # more triangles than faces: polygons
             raise MeshError(
                 f"{path.name} announces {vertices} vertices and {faces} faces,"
@@ -143,6 +148,20 @@ def _open3d_mesh(path: Path) -> TriangleMesh:
         return o3d.io.read_triangle_mesh(str(path))
 
 
+def _read_off(path: Path) -> TriangleMesh:
+    """Open3D's reading, of a copy with a plain head where the file has its counts on the keyword's line or the like."""
+    with path.open("rb") as file:
+        if _PLAIN_OFF.match(file.readline()):
+            return _open3d_mesh(path)
+    content = path.read_bytes()
+    head = _OFF_HEAD.match(content)
+    assert head is not None  # its counts have been read
+    with tempfile.TemporaryDirectory(prefix="o3dmark-") as folder:
+        plain = Path(folder) / path.name
+        plain.write_bytes(b"%b\n%b %b 0" % (head["kind"].upper(), head["v"], head["f"]) + content[head.end() :])
+        return _open3d_mesh(plain)
+
+
 def _read_obj(path: Path) -> TriangleMesh:
     """Vertices, vertex colours and faces of an OBJ file, polygons as fans; Open3D's reading if that has textures."""
     positions: list[list[bytes]] = []
@@ -207,10 +226,10 @@ def _announced(path: Path) -> tuple[int, int]:
     if path.suffix.lower() == ".ply":
         return _ply_counts(path, start)
     if path.suffix.lower() == ".off":
-        words = re.sub(rb"#[^\n]*", b"", start).split()
-        if len(words) < 3 or not words[0].upper().endswith(b"OFF") or not (words[1] + words[2]).isdigit():
+        head = _OFF_HEAD.match(start)
+        if head is None:
             raise MeshError(f"{path.name} does not begin like an OFF file")
-        vertices, faces = int(words[1]), int(words[2])
+        vertices, faces = int(head["v"]), int(head["f"])
         _enough(path, 6 * vertices + 2 * faces)
         return vertices, faces
     return 0, 0

@@ -127,6 +127,7 @@ SOUND = {
     "single.ply": (binary_ply(V, T, kind="float"), N),
     "double.ply": (WHOLE, N),
     "plain.off": (off(V, T), N),
+    "white_space.off": ("\t  OFF8 6 12 # or nah\n" + off(CUBE, QUADS).split("\n", 2)[2], 8),
     "binary.stl": (stl(V[T]), N),
     "ascii.stl": (ascii_stl(V[T]), N),
     "several_bodies.stl": (stl(np.concatenate([V[T], V[T] + [9, 0, 0]])), 2 * N),
@@ -185,7 +186,6 @@ REFUSED = {
     "truncated.ply": WHOLE[: 2 * len(WHOLE) // 3],
     "count_wrong.ply": WHOLE.replace(b"face 1280", b"face 1999"),
     "count_wrong.off": off(V, T).replace(f" {len(T)} ", f" {len(T) + 1} ", 1),
-    "white_space.off": "\t  OFF8 6 12 # or nah\n" + off(CUBE, QUADS).split("\n", 2)[2],
     "line.ply": binary_ply(LINE, STRIP),
     "one_place.ply": binary_ply(np.ones((30, 3)), STRIP),
 }

@@ -304,8 +304,11 @@ def test_bad_points(write, body, words):
         f"OFF\n4 2 0\n{CORNERS}3 0 1 2\n3 0 2 3\n",
         f"OFF\n# a square\n4 2 0 # counts\n{CORNERS}3 0 1 2\n3 0 2 3\n",
         f"OFF\r\n4 1 0\r\n{CORNERS}4 0 1 2 3\r\n",
+        f"OFF 4 2 0\n{CORNERS}3 0 1 2\n3 0 2 3\n",
+        f"OFF4 2 0\n{CORNERS}3 0 1 2\n3 0 2 3\n",
+        f"\n# a square\n  off # so\n\n4\n2\n{CORNERS}3 0 1 2\n3 0 2 3\n",
     ],
-    ids=["plain", "comments", "quad"],
+    ids=["plain", "comments", "quad", "one line", "glued", "loose"],
 )
 def test_off(write, text):
     assert Surface.of(read_mesh(write("a.off", text))).area == 1.0
