@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from o3dmark import geometry
 from o3dmark.attacks import attack_all
 from o3dmark.mesh import Surface
 from o3dmark.methods.shape_spectrum import ShapeSpectrum
@@ -46,6 +47,23 @@ def test_bench_plain_sum(benchmark, quadrature):
         return [np.sum((quadrature.area_vectors @ k) * np.exp(-1j * quadrature.points @ k)) for k in waves]
 
     benchmark(summed)
+
+
+@pytest.mark.benchmark(group="area vectors, 93 696 triangles")
+def test_bench_area_vectors(benchmark, large):
+    surface = Surface.of(large)
+    benchmark(geometry.area_vectors, surface.vertices, surface.triangles)
+
+
+@pytest.mark.benchmark(group="area vectors, 93 696 triangles")
+def test_bench_cross(benchmark, large):
+    surface = Surface.of(large)
+
+    def crossed():
+        a, b, c = surface.vertices[surface.triangles.T]
+        return 0.5 * np.cross(b - a, c - a)
+
+    benchmark(crossed)
 
 
 @pytest.mark.benchmark(group="shape-spectrum, 46 850 vertices")
