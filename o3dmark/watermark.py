@@ -86,16 +86,18 @@ class Watermark:
         reference: Any = None,
         false_positive_rate: float = 1e-6,
     ) -> Detection:
-        """Is our mark there? With the ``message`` known the test is far sharper than without."""
-        extraction = self.extract_bits(mesh, key, reference=reference)
+        """Is our mark there? With the ``message`` known the test is far sharper than without.
+
+        It then asks of all the readings that the method tried, not only of the one that it believed in.
+        """
+        read = self.extract_bits(mesh, key, reference=reference)
         if message is None:
             return self.code.decode(
-                extraction.soft, key, hypotheses=extraction.hypotheses, false_positive_rate=false_positive_rate
+                read.soft, key, hypotheses=read.hypotheses, false_positive_rate=false_positive_rate
             ).detection
         expected = self.code.encode(message, self.n_bits, key)
-        return detect(
-            extraction.soft, expected, false_positive_rate=false_positive_rate, hypotheses=extraction.hypotheses
-        )
+        read = read.nearest(expected)
+        return detect(read.soft, expected, false_positive_rate=false_positive_rate, hypotheses=read.hypotheses)
 
     def embed_bits(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """Raw bits past the code: what the paper and the benchmark measure."""

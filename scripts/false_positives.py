@@ -48,6 +48,7 @@ def counted(mark: Watermark, mesh: Any, keys: int) -> dict[str, Any]:
     read = reader(mark, mesh)
     log10_p: dict[str, list[float]] = {
         "known message": [],
+        "known message, best of all readings": [],
         "known message, tries not charged": [],
         "unknown message": [],
     }
@@ -58,6 +59,10 @@ def counted(mark: Watermark, mesh: Any, keys: int) -> dict[str, Any]:
         hypotheses.add(extraction.hypotheses)
         expected = mark.code.encode(MESSAGE, mark.n_bits, key)
         log10_p["known message"].append(detect(extraction.soft, expected, hypotheses=extraction.hypotheses).log10_p)
+        nearest = extraction.nearest(expected)
+        log10_p["known message, best of all readings"].append(
+            detect(nearest.soft, expected, hypotheses=nearest.hypotheses).log10_p
+        )
         log10_p["known message, tries not charged"].append(detect(extraction.soft, expected).log10_p)
         blind = mark.code.decode(extraction.soft, key, hypotheses=extraction.hypotheses)
         log10_p["unknown message"].append(blind.log10_p)

@@ -23,17 +23,27 @@ class Extraction:
     """What a method read: ``soft`` (n_bits,), positive for 1, negative for 0, the magnitude is the trust in it.
 
     ``hypotheses`` counts the readings (steps, smoothings, frames, ...) among which this one was chosen; every p-value
-    is multiplied by it. ``note`` says in words which one it was.
+    is multiplied by it. ``note`` says in words which one it was. ``readings`` (h, n_bits) are the soft bits of all of
+    them, where the method keeps them: whoever knows the bits can choose better than the method could.
     """
 
     soft: Floats
     hypotheses: int = 1
     note: str = ""
+    readings: Floats | None = None
 
     @property
     def bits(self) -> NDArray[np.uint8]:
         """Hard decisions (n_bits,), 0 or 1."""
         return (self.soft > 0).astype(np.uint8)
+
+    def nearest(self, bits: ArrayLike) -> "Extraction":
+        """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
+        if self.readings is None or not len(self.readings):
+            return self
+        agreement = self.readings @ (2.0 * np.asarray(bits, np.float64) - 1.0)
+        best = self.readings[np.argmax(agreement / np.maximum(np.linalg.norm(self.readings, axis=1), 1e-12))]
+        return Extraction(np.asarray(best, np.float64), max(self.hypotheses, len(self.readings)), self.note)
 
 
 @dataclass(frozen=True)

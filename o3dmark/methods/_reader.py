@@ -24,6 +24,16 @@ _FLOOR = np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 4e-4, 2e-4, 0.2])  # least doub
 
 
 @dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Every view at every step, as it is or fitted: values u (h, K), in periods, and log10 of their p-values (h,)."""
+
+    u: Floats
+    log_p: Floats
+    clear: float  # the coherence from which on one of them may be beyond doubt
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class _Reading:
     """The best values u (K,) of a round, in periods, and log10 of their p-value before the tries are charged."""
 
@@ -48,41 +58,50 @@ class Reader:
     def read(self, received: Sights) -> Extraction:
         """The most significant reading of what is seen; soft bits of zero where nothing is."""
         best, tried = _Reading(np.full(len(self.projections), 0.25), 0.0, False, "nothing agrees with the key"), 0
-        least = np.inf
+        least, readings = np.inf, list[Floats]()
         for sights, fitted in received:
             views = [view for sight in sights for view in sight.views(self.projections)]
             tried += len(views) * len(self.steps)
-            reading = self._best(views, fitted, self._rarity(received))
+            if not views:
+                continue
+            candidates = self._candidates(views, fitted)
+            readings += [self._soft(each.u).astype(np.float32) for each in candidates]
+            reading = self._best(views, candidates, self._rarity(received))
             charged = reading.log_p + np.log10(max(tried, 1))  # later rounds have more to choose from
             if charged < least:
                 best, least = reading, charged
             if best.clear and best.log_p + np.log10(tried) < _SETTLED:
                 break
-        soft = -np.cos(2.0 * np.pi * best.u).reshape(-1, self.n_bits).mean(axis=0)
-        return Extraction(soft, max(tried, 1), best.note)
+        return Extraction(self._soft(best.u), max(tried, 1), best.note, np.concatenate(readings) if readings else None)
+
+    def _soft(self, u: Floats) -> Floats:
+        """Soft bits (..., n_bits) of values (..., K) in periods; projection j carries bit j modulo n_bits."""
+        return np.asarray(-np.cos(2.0 * np.pi * u).reshape(*u.shape[:-1], -1, self.n_bits).mean(axis=-2))
 
     def _rarity(self, received: Sights) -> Floats:
         """What to add to log10 of the p-value of a reading at each step (s,)."""
         octaves = np.abs(np.log2(self.steps / (self.usual * received.extent)))
         return np.asarray(_RARITY * np.maximum(octaves - 1.0, 0.0))
 
-    def _best(self, views: Sequence[View], fitted: bool, rarity: Floats) -> _Reading:
-        """The most significant of all views at all steps, as they are or fitted."""
-        if not len(views):
-            return _Reading(np.zeros(len(self.projections)), 0.0, False, "")
+    def _candidates(self, views: Sequence[View], fitted: bool) -> list[_Candidates]:
+        """All views at all steps, as they are and, if so wanted, fitted."""
         values = np.array([view.values for view in views])
         u = (values[:, None] / self.steps[:, None] - self.projections.dither).reshape(-1, values.shape[1])
-        plain = significance(u, self.n_bits)
-        best, p, clear, note = u, plain, _CLEAR, ""
+        found = [_Candidates(u, significance(u, self.n_bits), _CLEAR)]
         if fitted:
             jacobian = np.array([view.jacobian for view in views])[:, None] / self.steps[:, None, None]
             doubt = np.array([view.doubt for view in views])[:, None] * (_NOISE * self.steps[:, None, None]) ** 2
             prior = (doubt + np.diag(_FLOOR**2)).reshape(-1, 8, 8)
             moved, freedom = fit(u, jacobian.reshape(len(u), -1, 8), prior)
-            fitted_p = significance(moved, self.n_bits, freedom)
-            if fitted_p.min() < plain.min():
-                best, p, clear, note = moved, fitted_p, _CLEAR_FITTED, ", frame fitted"
-        p = np.minimum(p + np.tile(rarity, len(views)), 0.0)
+            p = significance(moved, self.n_bits, freedom)
+            found.append(_Candidates(moved, p, _CLEAR_FITTED, ", frame fitted"))
+        return found
+
+    def _best(self, views: Sequence[View], candidates: Sequence[_Candidates], rarity: Floats) -> _Reading:
+        """The most significant of all."""
+        among = min(candidates, key=lambda each: float(each.log_p.min()))
+        p = np.minimum(among.log_p + np.tile(rarity, len(views)), 0.0)
         i = int(np.argmin(p))
         view, step = views[i // len(self.steps)], self.steps[i % len(self.steps)]
-        return _Reading(best[i], float(p[i]), bool(coherence(best[i]) > clear), f"{view.note}{note}, step {step:.5f}")
+        clear = bool(coherence(among.u[i]) > among.clear)
+        return _Reading(among.u[i], float(p[i]), clear, f"{view.note}{among.note}, step {step:.5f}")
