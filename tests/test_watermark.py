@@ -10,7 +10,7 @@ from o3dmark.attacks import attack_all
 from o3dmark.errors import CapacityError, SpecError
 from o3dmark.keys import Key
 from o3dmark.mesh import TriangleMesh
-from o3dmark.methods import METHODS
+from o3dmark.methods import METHODS, Extraction
 from o3dmark.payload import CODES
 from o3dmark.registry import to_dict
 from o3dmark.watermark import DEFAULT_PROFILE, PROFILES, Watermark, bit_text, parse_bits
@@ -51,6 +51,27 @@ def test_knowing_the_message_sharpens_the_test(marked: Any, key: Key) -> None:
     assert known.present
     assert known.log10_p < blind.log10_p - 8
     assert known.matches == known.n_bits == 64
+
+
+def test_a_known_message_is_found_where_none_can_be_read(marked: Any, key: Key) -> None:
+    """A twentieth of the triangles: among 64 unknown bits no hypothesis stands out, beside known ones one does."""
+    attacked = attack_all(marked, ["simplify:ratio=0.95"], 1)
+    assert not Watermark().extract(attacked, key).found
+    found = Watermark().detect(attacked, key, MESSAGE)
+    assert found.present
+    assert found.hypotheses > 1000
+    assert Watermark().detect(attacked, Key(bytes(31) + b"\1"), MESSAGE).p_value > 1e-3
+    assert Watermark().detect(attacked, key, "else").p_value > 1e-3
+
+
+def test_all_readings_are_charged_where_the_bits_choose() -> None:
+    bits = np.array([1, 0, 1])
+    readings = np.array([[1, 1, 1], [0.1, -0.1, 0.1], [-1, 1, -1]], np.float32)
+    read = Extraction(readings[0].astype(float), 2, "first", readings)
+    np.testing.assert_array_equal(read.nearest(bits).bits, bits)
+    assert read.nearest(bits).hypotheses == 3
+    alone = Extraction(np.ones(3), 2)
+    assert alone.nearest(bits) is alone
 
 
 def test_another_message_is_not_there(marked: Any, key: Key) -> None:
