@@ -136,7 +136,7 @@ def known_table() -> str:
     """Where not every bit is read: how sure one is who knows them, over the keys, from results/shape_spectrum.csv."""
     rows = [row for row in rows_of("shape_spectrum.csv") if row["log10_p"]]
     lines = [
-        "| mesh, bits | attack | mean Corr of what is read | keys with p <= 1e-4 | and <= 1e-6 | log10 p, the middle one |",
+        "| mesh, bits | attack | mean Corr of what is read | keys with p <= 1e-4 | and <= 1e-6 | log10 p, middle |",
         "|---|---|--:|--:|--:|--:|",
     ]
     for mesh, attack in dict.fromkeys((row["mesh"], row["attack"]) for row in rows):
