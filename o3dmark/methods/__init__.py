@@ -43,7 +43,8 @@ class Extraction:
             return self
         agreement = self.readings @ (2.0 * np.asarray(bits, np.float64) - 1.0)
         best = self.readings[np.argmax(agreement / np.maximum(np.linalg.norm(self.readings, axis=1), 1e-12))]
-        return Extraction(np.asarray(best, np.float64), max(self.hypotheses, len(self.readings)), self.note)
+        charged = max(self.hypotheses, len(self.readings))
+        return Extraction(np.asarray(best, np.float64), charged, "the reading nearest to the known bits")
 
 
 @dataclass(frozen=True)

@@ -190,7 +190,8 @@ class Sights:
 
     def _motion(self, basis: Unfilter) -> float:
         """RMS motion of the surface in a pass of umbrella smoothing, over the diagonal."""
-        motion, area = basis.undo(umbrella(2, 0.1), 1000.0) - self.received.vertices, self.received.vertex_areas
+        exact, area = _SMOOTHINGS[0], self.received.vertex_areas
+        motion = basis.undo(exact.transfer(2), exact.gain) - self.received.vertices
         return float(np.sqrt(area @ np.sum(motion**2, axis=1) / area.sum())) / 2.0 / self.received.diagonal
 
     def _unsmoothed(
