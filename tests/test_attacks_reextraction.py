@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from o3dmark import geometry
-from o3dmark.attacks import ATTACKS
+from o3dmark.attacks import ATTACKS, sampling
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import MeshError
 from o3dmark.mesh import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
@@ -75,11 +75,18 @@ def test_one_scanner_sees_one_side() -> None:
     assert (normals @ towards).min() > -0.05
 
 
-def test_a_surface_that_faces_nobody_is_refused() -> None:
-    vertices, triangles = mesh_arrays(box(1.0))
-    inside_out = triangle_mesh(vertices, triangles[:, ::-1])  # its near walls hide the far ones, which face the scanner
-    with pytest.raises(MeshError, match=r"sees anything.*inside out"):
-        scanned_points(inside_out, np.random.default_rng(0), 200)
+def test_a_mesh_that_is_inside_out_is_seen_from_outside() -> None:
+    vertices, triangles = mesh_arrays(sphere())
+    inside_out = triangle_mesh(vertices, triangles[:, ::-1])
+    points, normals = arrays(scanned_points(inside_out, np.random.default_rng(0), 2000, noise=0.0))
+    assert len(points) == 2000
+    assert np.einsum("ij,ij->i", points, normals).min() > 0.99
+
+
+def test_a_surface_that_nobody_sees_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampling, "_unhidden", lambda scene, surface, origins, sight: np.zeros(len(sight), bool))  # noqa: ARG005
+    with pytest.raises(MeshError, match="sees anything"):
+        scanned_points(box(1.0), np.random.default_rng(0), 200)
 
 
 # surfaces

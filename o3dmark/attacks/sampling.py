@@ -1,5 +1,6 @@
 """Oriented points from a mesh: drawn evenly, or as a scanner sees it."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from o3dmark.attacks.geometry import random_direction, rotation_matrix
 from o3dmark.errors import MeshError
 from o3dmark.geometry import Floats, Ints
 from o3dmark.mesh import PointCloud, Surface, point_cloud
+from o3dmark.solid import oriented
 
 _ROUNDS = 50  # of drawing candidates before the scan takes what it has
 
@@ -27,10 +29,12 @@ def scanned_points(
 
     ``views`` scanners stand far away, evenly about the mesh and turned at random. Each sees only what faces it and is
     not hidden, the less densely the more it slants (by the cosine); a point is off by N(0, (noise diagonal)^2) along
-    its line of sight. Fewer than ``points`` come back only if next to nothing can be seen. Normals (unit) are those of
-    the triangles, without error. Errors: MeshError if no scanner sees anything.
+    its line of sight. A mesh that is inside out is seen from outside all the same. Fewer than ``points`` come back only
+    if next to nothing can be seen. Normals (unit) are those of the triangles turned outward, without error.
+    Errors: MeshError if no scanner sees anything.
     """
-    surface = Surface.of(mesh)
+    received = Surface.of(mesh)
+    surface = replace(received, triangles=oriented(received.vertices, received.triangles))
     directions = _directions(views) @ rotation_matrix(random_direction(rng), rng.uniform(0.0, 2.0 * np.pi)).T
     scene, seen = _scene(surface), []
     for _ in range(_ROUNDS):
@@ -45,7 +49,7 @@ def scanned_points(
             break
     rows = np.concatenate(seen)[:points]
     if not len(rows):
-        raise MeshError(f"none of {views} scanners sees anything of this mesh; is it inside out, or hidden in a box?")
+        raise MeshError(f"none of {views} scanners sees anything of this mesh; is it hidden in a box?")
     return point_cloud(rows[:, :3], rows[:, 3:])
 
 
