@@ -18,7 +18,7 @@ def area_vectors(vertices: Floats, triangles: Ints) -> Floats:
     """Each triangle's normal times its area (m, 3): half the cross product of two edges."""
     corners = np.ascontiguousarray(triangles.T)
     (ux, vx), (uy, vy), (uz, vz) = (x[corners[1:]] - x[corners[0]] for x in np.ascontiguousarray(vertices.T))
-    vectors = np.empty((len(triangles), 3))  # by columns: three times as fast as numpy.cross of rows
+    vectors = np.empty((len(triangles), 3))  # by columns: faster than numpy.cross of rows (see bench_spectrum)
     vectors[:, 0] = uy * vz - uz * vy
     vectors[:, 1] = uz * vx - ux * vz
     vectors[:, 2] = ux * vy - uy * vx

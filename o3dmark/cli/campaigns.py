@@ -18,7 +18,7 @@ def bench(
     json: Json = False,
 ) -> None:
     """Run a campaign: every mesh marked by every method, attacked by everything, read. Interrupted, it can go on."""
-    from o3dmark.cli._progress import run_campaign
+    from o3dmark.cli._running import run_campaign
 
     words = [f"o3dmark bench {spec} --out {out}"] + ([] if meshes is None else [f"--meshes {meshes}"])
     print_result(run_campaign(spec, out, workers, dask, meshes, " ".join(words)), json)

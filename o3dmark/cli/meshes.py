@@ -97,7 +97,7 @@ def view(
 
 
 def synth(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A shape and its options, like bust:vertices=4000.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A shape and its options, like bimba:vertices=4000.")],
     output: Out,
     seed: Seed = 0,
     json: Json = False,
