@@ -1,9 +1,10 @@
 """Reading and writing mesh files so that nothing is misread and nothing is half written.
 
-Open3D silently drops the polygons and negative indices of OBJ files and returns the first part of a truncated PLY. So
-OBJ files are parsed here (Open3D's reading is taken where it has texture coordinates and is complete), and PLY and OFF
-files are read by Open3D under the counts of their own header. (MeshLab reads polygons too, but a polygon that visits a
-vertex twice made it corrupt its memory.) Whatever is written appears under its name complete or not at all.
+Open3D silently drops the polygons and negative indices of OBJ files, takes OFF files of one layout only and returns the
+first part of a truncated PLY. So OBJ and OFF files are parsed here (Open3D's reading of an OBJ file is taken where it
+has texture coordinates and is complete), and PLY files are read by Open3D under the counts of their own header.
+(MeshLab reads polygons too, but a polygon that visits a vertex twice made it corrupt its memory.) Whatever is written
+appears under its name complete or not at all.
 """
 
 import itertools
@@ -18,6 +19,7 @@ import numpy as np
 import open3d as o3d
 
 from o3dmark.errors import MeshError
+from o3dmark.geometry import Floats
 from o3dmark.mesh import PointCloud, TriangleMesh, triangle_mesh
 
 FORMATS = (".ply", ".obj", ".off", ".stl", ".glb", ".gltf")
@@ -29,9 +31,10 @@ _PLY_SIZES = {
 }
 _GAP = rb"(?:\s|#[^\n]*\n)"
 _OFF_HEAD = re.compile(  # a third count, of the edges, may follow on the line of the second
-    _GAP + rb"*(?P<kind>(?:ST)?C?N?OFF)" + _GAP + rb"*(?P<v>\d+)" + _GAP + rb"+(?P<f>\d+)(?:[ \t]+\d+)?(?=\s)", re.I
+    _GAP + rb"*(?:ST)?(?P<colours>C)?(?P<normals>N)?OFF" + _GAP + rb"*"
+    rb"(?P<vertices>\d+)" + _GAP + rb"+(?P<faces>\d+)(?:[ \t]+\d+)?(?=\s)",
+    re.I,
 )
-_PLAIN_OFF = re.compile(rb"(?:ST)?C?N?OFF[ \t\r]*\n")  # the first line that Open3D takes
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
@@ -40,16 +43,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     Errors: MeshError when the file is missing, of another kind, damaged, or holds no triangle.
     """
     path = _existing(path)
-    if path.suffix.lower() == ".obj":
-        mesh = _read_obj(path)
-    else:
-        vertices, faces = _announced(path)
-        mesh = _read_off(path) if path.suffix.lower() == ".off" else _open3d_mesh(path)
-        if len(mesh.vertices) < vertices or len(mesh.triangles) < faces:  # more triangles than faces: polygons
-            raise MeshError(
-                f"{path.name} announces {vertices} vertices and {faces} faces,"
-                f" but {len(mesh.vertices)} and {len(mesh.triangles)} can be read: it is damaged"
-            )
+    readers = {".obj": _read_obj, ".off": _read_off, ".ply": _read_ply}
+    mesh = readers.get(path.suffix.lower(), _open3d_mesh)(path)
     if not mesh.has_triangles():
         what = f"{len(mesh.vertices)} vertices and no triangle" if mesh.has_vertices() else "no mesh"
         raise MeshError(f"{path.name} holds {what}")
@@ -59,7 +54,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 def read_points(path: str | Path) -> PointCloud:
     """The point cloud in a file, with its normals if it has them. Errors: MeshError as in `read_mesh`."""
     path = _existing(path)
-    _announced(path)
+    if path.suffix.lower() == ".ply":
+        _ply_counts(path)
     with _quiet():
         cloud = o3d.io.read_point_cloud(str(path))
     if not cloud.has_points():
@@ -72,7 +68,7 @@ def read_points(path: str | Path) -> PointCloud:
 def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
     """The mesh in a file, or its points where it has no triangle. Errors: MeshError as in `read_mesh`."""
     path = _existing(path)
-    if path.suffix.lower() == ".ply" and not _announced(path)[1]:
+    if path.suffix.lower() == ".ply" and not _ply_counts(path)[1]:
         return read_points(path)
     return read_mesh(path)
 
@@ -148,18 +144,45 @@ def _open3d_mesh(path: Path) -> TriangleMesh:
         return o3d.io.read_triangle_mesh(str(path))
 
 
+def _read_ply(path: Path) -> TriangleMesh:
+    vertices, faces = _ply_counts(path)
+    mesh = _open3d_mesh(path)
+    if len(mesh.vertices) < vertices or len(mesh.triangles) < faces:  # more triangles than faces: polygons
+        raise _fewer(path, (vertices, faces), (len(mesh.vertices), len(mesh.triangles)))
+    return mesh
+
+
 def _read_off(path: Path) -> TriangleMesh:
-    """Open3D's reading, of a copy with a plain head where the file has its counts on the keyword's line or the like."""
-    with path.open("rb") as file:
-        if _PLAIN_OFF.match(file.readline()):
-            return _open3d_mesh(path)
+    """Vertices, their normals and colours, and faces of an OFF file, polygons as fans; no texture coordinates.
+
+    Colours have three or four components, in 0 .. 1 or, if any is larger, in 0 .. 255.
+    """
     content = path.read_bytes()
     head = _OFF_HEAD.match(content)
-    assert head is not None  # its counts have been read
-    with tempfile.TemporaryDirectory(prefix="o3dmark-") as folder:
-        plain = Path(folder) / path.name
-        plain.write_bytes(b"%b\n%b %b 0" % (head["kind"].upper(), head["v"], head["f"]) + content[head.end() :])
-        return _open3d_mesh(plain)
+    if head is None:
+        raise MeshError(f"{path.name} does not begin like an OFF file")
+    n, m = int(head["vertices"]), int(head["faces"])
+    _enough(path, 6 * n + 2 * m)
+    rows = [row for line in content[head.end() :].splitlines() if (row := line.split(b"#", 1)[0].split())]
+    if len(rows) < n + m:
+        raise _fewer(path, (n, m), (min(len(rows), n), max(len(rows) - n, 0)))
+    triangles: list[tuple[int, int, int]] = []
+    for row in rows[n : n + m]:
+        try:
+            corners = [int(word) for word in row[1 : 1 + int(row[0])]]
+            if len(corners) != int(row[0]):
+                raise ValueError
+        except ValueError:
+            raise MeshError(f"{path.name}: a face is not a number of corners and as many vertices") from None
+        triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
+    place = 3 if head["normals"] is None else 6
+    numbers = _numbers(path, rows[:n], place if head["colours"] is None else place + 3)
+    mesh = _mesh_of(path, numbers, triangles)
+    if head["normals"] is not None:
+        mesh.vertex_normals = o3d.utility.Vector3dVector(numbers[:, 3:6])
+    if head["colours"] is not None:
+        _colour(mesh, numbers[:, place:] / (255.0 if numbers[:, place:].max(initial=0.0) > 1.0 else 1.0))
+    return mesh
 
 
 def _read_obj(path: Path) -> TriangleMesh:
@@ -188,7 +211,14 @@ def _read_obj(path: Path) -> TriangleMesh:
         mesh = _open3d_mesh(path)
         if len(mesh.triangles) == len(triangles):
             return _without_empty_textures(mesh)
-    return _coloured_mesh(path, positions, triangles)
+    if not positions:
+        raise MeshError(f"{path.name} holds no mesh")
+    coloured = any(len(row) == 6 for row in positions)
+    numbers = _numbers(path, positions, 6 if coloured else 3)
+    mesh = _mesh_of(path, numbers, triangles)
+    if coloured:
+        _colour(mesh, numbers[:, 3:])
+    return mesh
 
 
 def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
@@ -201,41 +231,39 @@ def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
     return mesh
 
 
-def _coloured_mesh(path: Path, rows: list[list[bytes]], triangles: list[tuple[int, int, int]]) -> TriangleMesh:
-    if not rows:
-        raise MeshError(f"{path.name} holds no mesh")
+def _numbers(path: Path, rows: list[list[bytes]], width: int) -> Floats:
+    """The first ``width`` numbers of each row (n, width)."""
     try:
-        numbers = np.array([row if len(row) == 6 else row[:3] for row in rows], np.float64).reshape(len(rows), -1)
-        if numbers.shape[1] not in (3, 6):
+        if any(len(row) < width for row in rows):
             raise ValueError
+        return np.array([row[:width] for row in rows], np.float64).reshape(-1, width)
     except ValueError:
-        raise MeshError(f"{path.name}: a vertex is not three numbers, or three and a colour") from None
-    for corner in itertools.chain.from_iterable(triangles):
-        if not 0 <= corner < len(rows):
-            raise MeshError(f"{path.name}: a face names a vertex that is not among its {len(rows)} vertices")
-    mesh = triangle_mesh(numbers[:, :3], np.array(triangles, np.int64).reshape(-1, 3))
-    if numbers.shape[1] == 6 and np.isfinite(numbers[:, 3:]).all():
-        mesh.vertex_colors = o3d.utility.Vector3dVector(numbers[:, 3:])
-    return mesh
+        raise MeshError(f"{path.name}: a vertex is not {width} numbers") from None
 
 
-def _announced(path: Path) -> tuple[int, int]:
-    """(vertices, faces) as the header of a PLY or OFF file says; zeros for other formats."""
+def _mesh_of(path: Path, numbers: Floats, triangles: list[tuple[int, int, int]]) -> TriangleMesh:
+    """The mesh whose vertices are the first three of each row of numbers (n, 3 or more)."""
+    if not all(0 <= corner < len(numbers) for corner in itertools.chain.from_iterable(triangles)):
+        raise MeshError(f"{path.name}: a face names a vertex that is not among its {len(numbers)} vertices")
+    return triangle_mesh(numbers[:, :3], np.array(triangles, np.int64).reshape(-1, 3))
+
+
+def _colour(mesh: TriangleMesh, colours: Floats) -> None:
+    if np.isfinite(colours).all():
+        mesh.vertex_colors = o3d.utility.Vector3dVector(np.ascontiguousarray(colours))
+
+
+def _fewer(path: Path, announced: tuple[int, int], found: tuple[int, int]) -> MeshError:
+    return MeshError(
+        f"{path.name} announces {announced[0]} vertices and {announced[1]} faces,"
+        f" but {found[0]} and {found[1]} can be read: it is damaged"
+    )
+
+
+def _ply_counts(path: Path) -> tuple[int, int]:
+    """(vertices, faces) as the header of a PLY file says, once the file is large enough for them."""
     with path.open("rb") as file:
         start = file.read(65536)
-    if path.suffix.lower() == ".ply":
-        return _ply_counts(path, start)
-    if path.suffix.lower() == ".off":
-        head = _OFF_HEAD.match(start)
-        if head is None:
-            raise MeshError(f"{path.name} does not begin like an OFF file")
-        vertices, faces = int(head["v"]), int(head["f"])
-        _enough(path, 6 * vertices + 2 * faces)
-        return vertices, faces
-    return 0, 0
-
-
-def _ply_counts(path: Path, start: bytes) -> tuple[int, int]:
     head, found, _ = start.partition(b"end_header")
     if not start.startswith(b"ply") or not found:
         raise MeshError(f"{path.name} does not begin like a PLY file")

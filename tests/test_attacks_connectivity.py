@@ -291,14 +291,3 @@ def test_a_pasted_fragment_is_there_in_one_piece_beside_the_foreign_object(spot:
     assert np.ptp(lengths[0] / lengths[1]) < 1e-9 * lengths[0].max()
     distances = np.linalg.norm(vertices[:n, None] - vertices[None, n:], axis=2)
     assert distances.min() < 1e-9
-
-
-def test_a_vertex_that_meshlab_leaves_nowhere_goes_amid_its_neighbours() -> None:
-    vertices, triangles = mesh_arrays(TriangleMesh.create_octahedron())
-    broken = vertices.copy()
-    broken[4] = np.nan
-    ring = np.setdiff1d(triangles[(triangles == 4).any(axis=1)], 4)
-    mended = _meshlab.placed(broken, triangles)
-    np.testing.assert_allclose(mended[4], vertices[ring].mean(axis=0))
-    np.testing.assert_array_equal(np.delete(mended, 4, axis=0), np.delete(vertices, 4, axis=0))
-    assert np.isnan(_meshlab.placed(np.full((3, 3), np.nan), np.array([[0, 1, 2]]))).all()

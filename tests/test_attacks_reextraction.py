@@ -1,13 +1,18 @@
 """Attacks that forget the mesh: marching cubes, Poisson, simulated scans; and the points that they sample."""
 
 import numpy as np
+import pymeshlab
 import pytest
+from scipy.spatial import KDTree
 
 from o3dmark import geometry
-from o3dmark.attacks import ATTACKS, sampling
+from o3dmark.attacks import ATTACKS, _marching, _meshlab, sampling
+from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
+from o3dmark.closest import closest_points
 from o3dmark.errors import MeshError
-from o3dmark.mesh import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.metrics.distance import surface_distance
 
 PLACE = np.array([40.0, -7.0, 3.0])
 
@@ -24,6 +29,10 @@ def hemisphere() -> TriangleMesh:
 
 def box(size: float) -> TriangleMesh:
     return TriangleMesh.create_box(size, size, size).translate(PLACE - size / 2.0)
+
+
+def closed(mesh: TriangleMesh) -> bool:
+    return not geometry.border_vertices(mesh_arrays(mesh)[1], len(mesh.vertices)).any()
 
 
 def arrays(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
@@ -113,8 +122,7 @@ def test_a_sphere_comes_back_as_a_sphere(spec: str, bound: float) -> None:
 
 @pytest.mark.parametrize("spec", ["resample:cells=24", "poisson:points=4000,depth=5", "rescan:points=4000,depth=5"])
 def test_resampled_surfaces_are_closed_where_the_input_is(spec: str) -> None:
-    mesh = ATTACKS.make(spec)(sphere(), 0)
-    assert not geometry.border_vertices(mesh_arrays(mesh)[1], len(mesh.vertices)).any()
+    assert closed(ATTACKS.make(spec)(sphere(), 0))
 
 
 def test_what_no_sample_supports_is_trimmed() -> None:
@@ -125,8 +133,76 @@ def test_what_no_sample_supports_is_trimmed() -> None:
     assert areas[1] > 1.3 * areas[0]
 
 
+# the grid
+
+
+def rod(sides: int) -> TriangleMesh:
+    """A slanted cylinder of length 40 and radius 1."""
+    upright = TriangleMesh.create_cylinder(1.0, 40.0, sides, 1)
+    return upright.rotate(TriangleMesh.get_rotation_matrix_from_xyz((0.5, 0.6, 0.7)))
+
+
 def test_resampling_has_the_cells_it_is_told() -> None:
     vertices, triangles = mesh_arrays(ATTACKS.make("resample:cells=10")(sphere()))
     edges = vertices[geometry.edges(triangles)]
-    lengths = np.abs(np.diff(edges, axis=1)).max(axis=(1, 2))
-    assert lengths.max() == pytest.approx(0.2, rel=0.2)  # MeshLab rounds the number of cells on its grown box
+    assert 0.19 < np.abs(np.diff(edges, axis=1)).max() < 0.2 + 1e-6
+
+
+def test_resampling_gives_what_meshlab_gives(spot: TriangleMesh) -> None:
+    vertices, triangles = mesh_arrays(spot)
+    cell = np.ptp(vertices, axis=0).max() / 60
+    march = {"cellsize": _meshlab.length(cell), "offset": pymeshlab.PercentageValue(50.0)}  # 50: none
+    theirs = triangle_mesh(*_meshlab.apply(vertices, triangles, ("generate_resampled_uniform_mesh", march)))
+    ours = ATTACKS.make("resample:cells=60")(spot)
+    distance = surface_distance(spot, ours), surface_distance(spot, theirs), surface_distance(ours, theirs)
+    assert distance[2].mrms * distance[2].diagonal < 0.1 * cell
+    assert distance[0].mrms < 1.1 * distance[1].mrms
+    assert len(ours.vertices) == pytest.approx(len(theirs.vertices), rel=0.03)
+    assert closed(ours)
+
+
+def test_what_takes_all_memory_of_meshlab_is_resampled() -> None:
+    mesh = ATTACKS.make("resample:cells=80")(rod(400))
+    assert closed(mesh)
+    assert mesh.get_volume() == pytest.approx(40.0 * np.pi, rel=0.05)
+
+
+def test_where_the_slabs_meet_makes_no_difference(spot: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = Surface.of(spot)
+    whole = resampled(surface, 40)
+    monkeypatch.setattr(_marching, "_SLAB", 5)
+    sliced = resampled(surface, 40)
+    assert len(sliced.triangles) == len(whole.triangles)
+    assert not geometry.border_vertices(sliced.triangles, len(sliced.vertices)).any()
+    assert KDTree(whole.vertices).query(sliced.vertices)[0].max() < 1e-6
+
+
+def test_the_sign_of_the_distance_is_right_at_edges_and_corners() -> None:
+    """Of a spike, whose faces meet at angles where the normal of any one of them misleads."""
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.9, 0.9, 3]])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    points = np.random.default_rng(0).uniform(-1.0, 3.5, (40_000, 3))
+    share = np.linalg.solve(np.r_[vertices.T, np.ones((1, 4))], np.c_[points, np.ones(len(points))].T)
+    surface = Surface.from_arrays(vertices, triangles)
+    signed = _marching._signed_distance(surface, points)
+    assert (signed < 0).sum() > 100
+    np.testing.assert_array_equal(signed < 0, (share > 0).all(axis=0))
+    np.testing.assert_array_equal(np.abs(signed), closest_points(points, surface).distance)
+
+
+def test_resampling_keeps_a_mesh_inside_out() -> None:
+    vertices, triangles = mesh_arrays(sphere())
+    after = ATTACKS.make("resample:cells=20")(triangle_mesh(vertices, triangles[:, ::-1]))
+    assert geometry.volume(*mesh_arrays(after)) == pytest.approx(-4.0 / 3.0 * np.pi, rel=0.03)
+
+
+def test_an_open_border_grows_a_collar_of_three_cells_and_a_half() -> None:
+    after, _ = mesh_arrays(ATTACKS.make("resample:cells=40")(hemisphere()))
+    border = mesh_arrays(hemisphere())[0][np.unique(mesh_arrays(hemisphere())[1])][:, 2].min()
+    cell = 2.0 / 40
+    assert -3.5 * cell - 1e-6 < after[:, 2].min() - border < -2.0 * cell
+
+
+def test_a_plate_that_no_node_sees_is_refused() -> None:
+    with pytest.raises(MeshError, match="wide enough"):
+        ATTACKS.make("resample:cells=20")(TriangleMesh.create_box(1.0, 1.0, 1e-3))

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark import geometry
 from o3dmark.errors import BackendError
 from o3dmark.geometry import Floats, Ints
 
@@ -30,28 +29,9 @@ def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]
     new, faces = np.array(mesh.vertex_matrix(), np.float64), np.array(mesh.face_matrix(), np.int64).reshape(-1, 3)
     if not len(faces):
         raise BackendError(f"MeshLab's {done} leaves no triangle of the {len(triangles)} given")
-    if faces.min() < 0 or faces.max() >= len(new) or not np.isfinite(new := placed(new, faces)).all():
+    if faces.min() < 0 or faces.max() >= len(new) or not np.isfinite(new).all():
         raise BackendError(f"MeshLab's {done} returns a damaged mesh")
     return new, faces
-
-
-def placed(vertices: Floats, triangles: Ints) -> Floats:
-    """Vertices (n, 3), those that are not finite put amid their neighbours: MeshLab's marching cubes leave some."""
-    lost = ~np.isfinite(vertices).all(axis=1)
-    if not lost.any():
-        return vertices
-    links = geometry.adjacency(triangles, len(vertices))[lost][:, ~lost]
-    there = vertices.copy()
-    with np.errstate(invalid="ignore"):  # without a neighbour it stays lost
-        there[lost] = (links @ vertices[~lost]) / np.asarray(links.sum(axis=1)).reshape(-1, 1)
-    return there
-
-
-def percent(share: float) -> Any:
-    """A length as a share of the bounding box's diagonal, in the form that MeshLab's filters take."""
-    import pymeshlab
-
-    return pymeshlab.PercentageValue(100.0 * share)
 
 
 def length(value: float) -> Any:
