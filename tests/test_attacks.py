@@ -173,6 +173,20 @@ def test_a_stronger_attack_changes_the_shape_more(spec: str, strengths: tuple[fl
     assert len(set(cost)) == len(cost)
 
 
+@pytest.mark.parametrize(("size", "place"), [(1e-6, 0.0), (1e7, 0.0), (1.0, 1e5)])
+@pytest.mark.parametrize("spec", [spec for spec in SPECS if not spec.startswith(("units", "reformat", "draco"))])
+def test_neither_the_unit_of_length_nor_the_origin_matters(spec: str, size: float, place: float, results: dict) -> None:
+    mesh = coloured().scale(size, np.zeros(3)).translate(np.full(3, place))
+    vertices, triangles = mesh_arrays(ATTACKS.make(spec)(mesh, 1))
+    vertices = (vertices - place) / size
+    expected, corners = mesh_arrays(results[spec, 1])
+    if np.array_equal(triangles, corners):
+        assert np.abs(vertices - expected).max() < 1e-6
+    else:  # edges that are equal but for rounding may go in another order
+        assert len(triangles) == pytest.approx(len(corners), rel=0.01)
+        assert surface_distance(results[spec, 1], triangle_mesh(vertices, triangles)).mrms < 5e-3
+
+
 @pytest.mark.parametrize("spec", SPECS)
 def test_an_attack_is_its_text(spec: str) -> None:
     attack = ATTACKS.make(spec)

@@ -9,6 +9,7 @@ from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, _meshlab
 from o3dmark.errors import BackendError, MeshError
 from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.metrics.distance import surface_distance
 
 SCHEMES = ["midpoint", "loop", "butterfly", "sqrt3"]
 
@@ -171,11 +172,26 @@ def test_remeshing_evens_the_edges(spot: TriangleMesh) -> None:
 # MeshLab's door
 
 
-def test_meshlab_keeps_every_bit(spot: TriangleMesh) -> None:
+def test_meshlab_keeps_double_precision(spot: TriangleMesh) -> None:
     vertices = mesh_arrays(spot)[0] + 1e-13
     after, triangles = _meshlab.apply(vertices, mesh_arrays(spot)[1])
-    assert np.array_equal(after, vertices)
+    np.testing.assert_allclose(after, vertices, rtol=0, atol=1e-15)
     assert np.array_equal(triangles, mesh_arrays(spot)[1])
+
+
+def test_what_others_ask_of_meshlab_is_not_remembered(spot: TriangleMesh) -> None:
+    before = mesh_arrays(ATTACKS.make("simplify")(spot))
+    other = {"targetfacenum": 1000, "optimalplacement": False, "qualitythr": 1.0, "preservenormal": True}
+    _meshlab.apply(*mesh_arrays(spot), ("meshing_decimation_quadric_edge_collapse", other))
+    for old, new in zip(before, mesh_arrays(ATTACKS.make("simplify")(spot)), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+def test_simplification_keeps_planes() -> None:
+    """A box of many triangles is the same box with a fifth of them: not a vertex leaves its side."""
+    box = TriangleMesh.create_box(1.0, 0.8, 0.6).subdivide_midpoint(4)
+    box.rotate(TriangleMesh.get_rotation_matrix_from_xyz((0.5, 0.6, 0.7)))
+    assert surface_distance(box, ATTACKS.make("simplify:ratio=0.8")(box)).hausdorff < 1e-3
 
 
 def test_meshlab_s_refusals_are_named(spot: TriangleMesh) -> None:

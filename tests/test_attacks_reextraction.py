@@ -151,7 +151,10 @@ def test_resampling_has_the_cells_it_is_told() -> None:
 def test_resampling_gives_what_meshlab_gives(spot: TriangleMesh) -> None:
     vertices, triangles = mesh_arrays(spot)
     cell = np.ptp(vertices, axis=0).max() / 60
-    march = {"cellsize": _meshlab.length(cell), "offset": pymeshlab.PercentageValue(50.0)}  # 50: none
+    march = {
+        "cellsize": _meshlab.length(cell / geometry.diagonal(vertices)),
+        "offset": pymeshlab.PercentageValue(50.0),
+    }  # 50: none
     theirs = triangle_mesh(*_meshlab.apply(vertices, triangles, ("generate_resampled_uniform_mesh", march)))
     ours = ATTACKS.make("resample:cells=60")(spot)
     distance = surface_distance(spot, ours), surface_distance(spot, theirs), surface_distance(ours, theirs)

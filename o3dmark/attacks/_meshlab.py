@@ -1,12 +1,15 @@
 """The only door to pymeshlab: MeshLab's filters on arrays, with clear errors.
 
-MeshLab keeps float64 exactly. It never reads a file here: polygons that visit a vertex twice made it corrupt memory.
+MeshLab computes in float64, but with thresholds that are lengths: a mesh a millionth of a unit in size is simplified
+twice as badly, one of a hundred million units is torn. So it gets every mesh about the origin with a diagonal of one.
+It never reads a file here: polygons that visit a vertex twice made it corrupt memory.
 """
 
 from typing import Any
 
 import numpy as np
 
+from o3dmark import geometry
 from o3dmark.errors import BackendError
 from o3dmark.geometry import Floats, Ints
 
@@ -14,12 +17,14 @@ from o3dmark.geometry import Floats, Ints
 def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]]) -> tuple[Floats, Ints]:
     """Run MeshLab filters, each (name, parameters), one after the other; new vertices and triangles.
 
+    The filters see the mesh with a bounding box of diagonal one about the origin.
     Errors: BackendError with the filter's name and MeshLab's reason, or if no triangle or an unusable one is left.
     """
     import pymeshlab
 
+    middle, size = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0, geometry.diagonal(vertices)
     meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32)))
+    meshes.add_mesh(pymeshlab.Mesh((vertices - middle) / size, np.asarray(triangles, np.int32)))
     for name, parameters in filters:
         try:
             meshes.apply_filter(name, **parameters)
@@ -31,14 +36,14 @@ def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]
         raise BackendError(f"MeshLab's {done} leaves no triangle of the {len(triangles)} given")
     if faces.min() < 0 or faces.max() >= len(new) or not np.isfinite(new).all():
         raise BackendError(f"MeshLab's {done} returns a damaged mesh")
-    return new, faces
+    return middle + size * new, faces
 
 
-def length(value: float) -> Any:
-    """A length in the mesh's own unit, in the form that MeshLab's filters take."""
+def length(share: float) -> Any:
+    """A length, as a share of the bounding box's diagonal, in the form that MeshLab's filters take."""
     import pymeshlab
 
-    return pymeshlab.PureValue(value)
+    return pymeshlab.PureValue(share)
 
 
 def _reason(error: Exception) -> str:

@@ -141,6 +141,7 @@ class PrintScan(Attack):
         up, height = random_direction(rng), self.layer * Surface.of(mesh).diagonal
         if height:
             along = vertices @ up
+            along -= along.min()
             vertices += (np.floor(along / height) * height + height / 2.0 - along)[:, None] * up
         melted = Smooth(2, 0.5).attack(moved(printed, vertices), rng)
         return Similarity().attack(self._scanner().attack(melted, rng), rng)

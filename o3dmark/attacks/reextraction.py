@@ -3,6 +3,7 @@
 Colours are those of the nearest old vertex, texture coordinates are dropped.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,7 +16,7 @@ from o3dmark.attacks._carry import kept, made
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import BackendError
-from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays
+from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.registry import option
 
 
@@ -56,8 +57,7 @@ class Poisson(Attack):
         _check(self.points, self.depth, self.trim)
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
-        built = _poisson(sampled_points(mesh, rng, self.points), self.depth, self.trim)
-        return made(mesh, *mesh_arrays(built))
+        return _rebuilt(mesh, lambda unit: _poisson(sampled_points(unit, rng, self.points), self.depth, self.trim))
 
 
 @ATTACKS.register("rescan")
@@ -87,14 +87,27 @@ class Rescan(Attack):
             raise ValueError("wants noise >= 0 and views >= 1")
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
-        cloud = scanned_points(mesh, rng, self.points, self.noise, self.views)
-        built = _pivoted(cloud) if self.surface == "pivot" else _poisson(cloud, self.depth, self.trim)
-        return made(mesh, *mesh_arrays(built))
+        def build(unit: TriangleMesh) -> TriangleMesh:
+            cloud = scanned_points(unit, rng, self.points, self.noise, self.views)
+            return _pivoted(cloud) if self.surface == "pivot" else _poisson(cloud, self.depth, self.trim)
+
+        return _rebuilt(mesh, build)
 
 
 def _check(points: int, depth: int, trim: float) -> None:
     if points < 100 or not 3 <= depth <= 11 or trim < 0:
         raise ValueError("wants points >= 100, depth 3 to 11 and trim >= 0")
+
+
+def _rebuilt(mesh: Any, build: Callable[[TriangleMesh], TriangleMesh]) -> TriangleMesh:
+    """What ``build`` makes of a mesh that is brought to the origin and to a diagonal of one, in the place of ``mesh``.
+
+    Open3D's Poisson reconstruction computes in float32, and its ball pivoting knows no ball below a millionth.
+    """
+    surface = Surface.of(mesh)
+    middle, size = surface.vertices.mean(axis=0), surface.diagonal
+    vertices, triangles = mesh_arrays(build(triangle_mesh((surface.vertices - middle) / size, surface.triangles)))
+    return made(mesh, middle + size * vertices, triangles)
 
 
 def _poisson(cloud: PointCloud, depth: int, trim: float) -> TriangleMesh:
