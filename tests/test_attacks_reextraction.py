@@ -187,7 +187,7 @@ def test_the_sign_of_the_distance_is_right_at_edges_and_corners() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 3.5, (40_000, 3))
     share = np.linalg.solve(np.r_[vertices.T, np.ones((1, 4))], np.c_[points, np.ones(len(points))].T)
     surface = Surface.from_arrays(vertices, triangles)
-    signed = _marching._signed_distance(surface, points)
+    signed = _marching._signed_distance(points, surface, _marching._pseudonormals(surface))
     assert (signed < 0).sum() > 100
     np.testing.assert_array_equal(signed < 0, (share > 0).all(axis=0))
     np.testing.assert_array_equal(np.abs(signed), closest_points(points, surface).distance)

@@ -20,6 +20,7 @@ from o3dmark.mesh import Surface
 
 _REACH = 3.5  # of the field to both sides, in cells
 _COARSEST = 16  # cells: side of the blocks that the search for the surface begins with
+_CHUNK = 1_000_000  # nodes whose distance is taken at once
 _SLAB = 48  # layers of cells marched at once
 _LEAST = 1e-3  # cells: a node nearer to the surface counts as that far from it, or slivers without area come out
 _OCTANTS = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -38,7 +39,9 @@ def resampled(surface: Surface, cells: int) -> Surface:
     low = surface.vertices.min(axis=0) - margin * size
     blocks = np.ceil((extent / size + 2 * margin) / _COARSEST).astype(np.int64)
     nodes = _near(surface, low, size, blocks)
-    distance = _signed_distance(surface, low + nodes * size) / size
+    normals = _pseudonormals(surface)
+    parts = (low + part * size for part in np.array_split(nodes, 1 + len(nodes) // _CHUNK))
+    distance = np.concatenate([_signed_distance(part, surface, normals) for part in parts]) / size
     pieces = list(_marched(nodes, distance, blocks * _COARSEST))
     if not pieces:
         raise MeshError(f"nothing of this mesh is wide enough for {cells} cells along its longest side; try more")
@@ -61,13 +64,13 @@ def _near(surface: Surface, low: Floats, size: float, blocks: Ints) -> Ints:
     return corners
 
 
-def _signed_distance(surface: Surface, points: Floats) -> Floats:
+def _signed_distance(points: Floats, surface: Surface, pseudonormals: tuple[Floats, Floats, Floats]) -> Floats:
     """Distance (q,) of points (q, 3), negative behind the normal of the closest triangle, edge or vertex.
 
     Edges have the sum of their triangles' normals, vertices the angle-weighted sum.
     Source: Baerentzen and Aanaes 2005, Signed distance computation using the angle weighted pseudonormal.
     """
-    faces, sides, tips = _pseudonormals(surface)
+    faces, sides, tips = pseudonormals
     closest = closest_points(points, surface)
     shares = _shares(closest.point, surface.vertices[surface.triangles[closest.triangle]])
     vanishing = shares < 1e-9
