@@ -141,13 +141,15 @@ def known_table() -> str:
     ]
     for mesh, attack in dict.fromkeys((row["mesh"], row["attack"]) for row in rows):
         mine = [row for row in rows if (row["mesh"], row["attack"]) == (mesh, attack)]
+        if all(row["errors"] == "0" for row in mine):
+            continue
         p = sorted(float(row["log10_p"]) for row in mine)
         cells = [
             f"{short(mesh)}, {mine[0]['bits']}",
             attack,
             two_digits(mean(float(row["corr"]) for row in mine)),
             *(f"{sum(value <= limit for value in p)} of {len(p)}" for limit in (-4, -6)),
-            f"{p[len(p) // 2]:.1f}",
+            f"{p[len(p) // 2]:.1f}".replace("-0.0", "0.0"),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
