@@ -76,7 +76,7 @@ def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
 def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
     """Write a mesh in the format that the name's ending says; the file is complete or not there at all.
 
-    PLY is binary and keeps every bit; OBJ and OFF keep about six digits, STL and glTF float32.
+    PLY (binary), OBJ and OFF (text) keep every bit, STL and glTF float32.
     Errors: MeshError when the folder is missing, the ending unknown or the disk full.
     """
     path = Path(path)
@@ -91,6 +91,8 @@ def write_mesh(path: str | Path, mesh: TriangleMesh) -> None:
             written = o3d.io.write_triangle_mesh(str(draft), mesh)
         if not written or not draft.exists():
             raise MeshError(f"Open3D could not write {path.name}")
+        if path.suffix.lower() in (".obj", ".off"):
+            _write_every_digit(draft, mesh)
 
 
 def write_shape(path: str | Path, shape: TriangleMesh | PointCloud) -> None:
@@ -207,18 +209,48 @@ def _read_obj(path: Path) -> TriangleMesh:
             triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
         elif words[0] == b"vt":
             textured = True
-    if textured:
-        mesh = _open3d_mesh(path)
-        if len(mesh.triangles) == len(triangles):
-            return _without_empty_textures(mesh)
     if not positions:
         raise MeshError(f"{path.name} holds no mesh")
     coloured = any(len(row) == 6 for row in positions)
     numbers = _numbers(path, positions, 6 if coloured else 3)
     mesh = _mesh_of(path, numbers, triangles)
+    if textured and (dressed := _textured(path, mesh)) is not None:
+        return dressed
     if coloured:
         _colour(mesh, numbers[:, 3:])
     return mesh
+
+
+def _write_every_digit(path: Path, mesh: TriangleMesh) -> None:
+    """Put the positions into an OBJ or OFF file anew: Open3D's six digits move a mesh in a surveyor's metres about."""
+    lines = path.read_text().splitlines()
+    if path.suffix.lower() == ".obj":
+        rows, place = [row for row, line in enumerate(lines) if line.startswith("v ")], 1
+    else:
+        rows, place = list(range(2, 2 + len(mesh.vertices))), 0
+    for row, position in zip(rows, np.asarray(mesh.vertices).tolist(), strict=True):
+        words = lines[row].split()
+        words[place : place + 3] = map(repr, position)
+        lines[row] = " ".join(words)
+    path.write_text("\n".join([*lines, ""]))
+
+
+def _textured(path: Path, exact: TriangleMesh) -> TriangleMesh | None:
+    """Open3D's reading of an OBJ file, with its textures, at the exact positions; None if it has lost or merged a part.
+
+    Open3D reads float32, and repeats a vertex for each texture coordinate that it has.
+    """
+    mesh = _open3d_mesh(path)
+    corners, wanted = np.asarray(mesh.triangles), np.asarray(exact.vertices)[np.asarray(exact.triangles)]
+    if len(corners) != len(wanted):
+        return None
+    positions = np.array(mesh.vertices)
+    if np.allclose(positions[corners], wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max()):  # else in another order
+        positions[corners] = wanted
+        if not np.array_equal(positions[corners], wanted):
+            return None
+        mesh.vertices = o3d.utility.Vector3dVector(positions)
+    return _without_empty_textures(mesh)
 
 
 def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:

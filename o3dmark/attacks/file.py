@@ -59,7 +59,7 @@ class Reformat(Attack):
 
     ply          binary; positions are exact
     ply-ascii    about six digits
-    obj, off     about six digits
+    obj, off     about six digits (`files.write_mesh` writes all of them)
     stl          float32, a triangle soup
     glb          float32, vertices in another order
 
@@ -73,7 +73,7 @@ class Reformat(Attack):
         checked_arrays(mesh)
         with tempfile.TemporaryDirectory(prefix="o3dmark-") as folder:
             path = Path(folder) / f"mesh.{self.format.removesuffix('-ascii')}"
-            if self.format == "ply-ascii":
+            if self.format in ("ply-ascii", "obj", "off"):
                 with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
                     o3d.io.write_triangle_mesh(str(path), legacy(mesh), write_ascii=True)
             else:
