@@ -116,6 +116,7 @@ def test_profiles_never_change() -> None:
     spectrum |= {"mask": "none", "search": True}
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
+        "slender-2026": (spectrum | {"lowest": 6.0, "highest": 18.0}, {"name": "random", "message_bytes": None}, 64),
         "invisible-2026": (spectrum | {"mrms": 3.7e-4}, {"name": "random", "message_bytes": None}, 64),
         "paper-2026": (scs, {"name": "random", "message_bytes": None}, 64),
         "tiny-2026": (scs, {"name": "random", "message_bytes": 1}, 32),

@@ -108,7 +108,8 @@ class ShapeSpectrum(Method):
                 return with_vertices(mesh, surface, vertices)
         raise MeshError(
             f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they can be"
-            " read back; ask for fewer bits, another mrms, or repair its self-intersections"
+            " read back; a slender or thin one may with shorter waves (lowest=6,highest=18, as profile slender-2026 has"
+            " them), others with fewer bits, another mrms, or self-intersections repaired"
         )
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:

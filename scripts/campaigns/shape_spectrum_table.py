@@ -54,12 +54,14 @@ FIELDS = (
 )
 
 
-def rows(path: Path, seed: int, attacks: list[str], n_bits: int | None, mrms: float | None) -> Iterator[dict[str, Any]]:
+def rows(path: Path, seed: int, attacks: list[str], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One row an attack; the mesh is marked once."""
     cover = read_mesh(path)
     small = len(cover.vertices) < 4000
-    n_bits = n_bits or (32 if small else 64)
-    method = METHODS.make({"name": "shape-spectrum", "mrms": mrms or (7.7e-4 if small else 5.8e-4)})
+    n_bits = options.bits or (32 if small else 64)
+    lowest, highest = options.waves
+    strength = {"mrms": options.mrms or (7.7e-4 if small else 5.8e-4)}
+    method = METHODS.make({"name": "shape-spectrum", "lowest": lowest, "highest": highest} | strength)
     key = Key.from_passphrase(f"table {seed}")
     bits = np.random.default_rng(seed).integers(0, 2, n_bits)
     start = time.perf_counter()
@@ -102,6 +104,7 @@ def main() -> None:
     parser.add_argument("--attacks", nargs="+", choices=list(TABLE), default=list(TABLE))
     parser.add_argument("--bits", type=int)
     parser.add_argument("--mrms", type=float)
+    parser.add_argument("--waves", nargs=2, type=float, default=(4.0, 12.0), help="longest and shortest in the box")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     done = set()
@@ -116,7 +119,7 @@ def main() -> None:
         for path in options.meshes:
             for seed in range(options.keys):
                 wanted = [name for name in options.attacks if (path.stem, str(seed), name) not in done]
-                for row in rows(path, seed, wanted, options.bits, options.mrms) if wanted else ():
+                for row in rows(path, seed, wanted, options) if wanted else ():
                     writer.writerow(row)
                     file.flush()
 
