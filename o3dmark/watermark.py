@@ -114,7 +114,7 @@ class Watermark:
 PROFILES: dict[str, Watermark] = {
     "robust-2026": Watermark(METHODS.make("shape-spectrum"), CODES.make("random"), 64),
     "invisible-2026": Watermark(METHODS.make("shape-spectrum:mrms=0.00037"), CODES.make("random"), 64),
-    "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=6,highest=18"), CODES.make("random"), 64),
+    "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=8,highest=24,rungs=60"), CODES.make("random"), 64),
     "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }

@@ -113,10 +113,14 @@ def test_profiles_never_change() -> None:
         "search": True,
     }
     spectrum = {"name": "shape-spectrum", "mrms": 5.8e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
-    spectrum |= {"mask": "none", "search": True}
+    spectrum |= {"rungs": 45, "mask": "none", "search": True}
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
-        "slender-2026": (spectrum | {"lowest": 6.0, "highest": 18.0}, {"name": "random", "message_bytes": None}, 64),
+        "slender-2026": (
+            spectrum | {"lowest": 8.0, "highest": 24.0, "rungs": 60},
+            {"name": "random", "message_bytes": None},
+            64,
+        ),
         "invisible-2026": (spectrum | {"mrms": 3.7e-4}, {"name": "random", "message_bytes": None}, 64),
         "paper-2026": (scs, {"name": "random", "message_bytes": None}, 64),
         "tiny-2026": (scs, {"name": "random", "message_bytes": 1}, 32),

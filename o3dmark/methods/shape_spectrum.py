@@ -43,7 +43,7 @@ from o3dmark.saliency import Saliency
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
 
-LADDER = 1.07 ** np.arange(14.0, -31.0, -1.0)  # of steps, around the one that the options suggest, largest first
+_TOP, _RUNG = 1.07**14, 1 / 1.07  # of the ladder of steps: its first over the one that the options suggest, and on
 _SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; lengths over the radius of gyration
 _USUAL = 3.7  # steps over the same times the extent, as meshes take them: 3.1 to 4.3, thin sheets down to 1.8
 _LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
@@ -77,12 +77,15 @@ class ShapeSpectrum(Method):
     highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
     box: float = option(6.0, "side of the box, over the radius of gyration")
     slack: float = option(0.04, "how far from its codeword a value may stay, in steps, where that buys a longer step")
+    rungs: int = option(45, "steps that writer and reader know of, each 7 % smaller; slender shapes need more")
     mask: Literal["none", "saliency"] = option("none", "where the surface moves more: nowhere, or where it is salient")
     search: bool = option(True, "let the reader fit the frame and undo smoothing")
 
     def __post_init__(self) -> None:
         if not (self.mrms > 0 and self.box > 0 and 0 < self.lowest < self.highest <= 40 and 0 <= self.slack < 0.25):
             raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
+        if not 1 <= self.rungs <= 200:
+            raise ValueError(f"rungs should be 1 to 200, not {self.rungs}")
 
     @property
     def takes_reference(self) -> bool:
@@ -108,8 +111,8 @@ class ShapeSpectrum(Method):
                 return with_vertices(mesh, surface, vertices)
         raise MeshError(
             f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they can be"
-            " read back; a slender or thin one may with shorter waves (lowest=6,highest=18, as profile slender-2026 has"
-            " them), others with fewer bits, another mrms, or self-intersections repaired"
+            " read back; a slender one may with shorter waves and more rungs (lowest=8,highest=24,rungs=60, as profile"
+            " slender-2026 has them), others with fewer bits, another mrms, or self-intersections repaired"
         )
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
@@ -144,7 +147,7 @@ class ShapeSpectrum(Method):
 
     def steps(self, n_bits: int) -> Floats:
         """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
-        return np.asarray(LADDER * _SPREAD * self._per_value(n_bits))
+        return np.asarray(_TOP * _RUNG ** np.arange(self.rungs) * _SPREAD * self._per_value(n_bits))
 
     def _per_value(self, n_bits: int) -> float:
         """The distortion allowed, shared out among the values in their sum of squares."""

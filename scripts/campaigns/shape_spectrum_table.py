@@ -14,6 +14,7 @@ import argparse
 import csv
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +60,7 @@ def rows(path: Path, seed: int, attacks: list[str], options: argparse.Namespace)
     cover = read_mesh(path)
     small = len(cover.vertices) < 4000
     n_bits = options.bits or (32 if small else 64)
-    lowest, highest = options.waves
-    strength = {"mrms": options.mrms or (7.7e-4 if small else 5.8e-4)}
-    method = METHODS.make({"name": "shape-spectrum", "lowest": lowest, "highest": highest} | strength)
+    method = replace(METHODS.make(options.method), mrms=options.mrms or (7.7e-4 if small else 5.8e-4))
     key = Key.from_passphrase(f"table {seed}")
     bits = np.random.default_rng(seed).integers(0, 2, n_bits)
     start = time.perf_counter()
@@ -104,7 +103,7 @@ def main() -> None:
     parser.add_argument("--attacks", nargs="+", choices=list(TABLE), default=list(TABLE))
     parser.add_argument("--bits", type=int)
     parser.add_argument("--mrms", type=float)
-    parser.add_argument("--waves", nargs=2, type=float, default=(4.0, 12.0), help="longest and shortest in the box")
+    parser.add_argument("--method", default="shape-spectrum", help="with other options, but for mrms")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     done = set()
