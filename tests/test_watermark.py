@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
-from o3dmark.errors import CapacityError, SpecError
+from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.keys import Key
-from o3dmark.mesh import TriangleMesh
+from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
 from o3dmark.payload import CODES
 from o3dmark.registry import to_dict
@@ -129,6 +129,16 @@ def test_profiles_never_change() -> None:
         profile = PROFILES[name]
         assert (to_dict(profile.method), to_dict(profile.code), profile.n_bits) == (method, code, n_bits)
     assert DEFAULT_PROFILE in PROFILES
+
+
+def test_what_is_too_slender_for_the_default_has_a_profile(spot: TriangleMesh, key: Key) -> None:
+    vertices, triangles = mesh_arrays(spot)
+    slender = triangle_mesh(vertices * [1.0, 12.0, 1.0], triangles)
+    with pytest.raises(MeshError, match="slender-2026"):
+        PROFILES[DEFAULT_PROFILE].embed(slender, "mine", key)
+    marked = PROFILES["slender-2026"].embed(slender, "mine", key)
+    attacked = attack_all(marked, ["similarity", "noise:amplitude=0.001"], 1)
+    assert PROFILES["slender-2026"].extract(attacked, key).message == "mine"
 
 
 def test_every_method_takes_every_code(key: Key) -> None:
