@@ -24,7 +24,7 @@ class Closest(NamedTuple):
     point: Floats
 
 
-class _Tree(NamedTuple):
+class Tree(NamedTuple):
     """Boxes (k, 2, 3), the first child of each (its sibling follows; -1: a leaf), and the run of ``order`` within."""
 
     box: Floats
@@ -34,7 +34,12 @@ class _Tree(NamedTuple):
     order: Ints
 
 
-def closest_points(points: Floats, surface: Surface) -> Closest:
+def tree_of(surface: Surface) -> Tree:
+    """The boxes about a surface's triangles, for those who ask `closest_points` more than once."""
+    return Tree(*_build(surface.vertices[surface.triangles]))
+
+
+def closest_points(points: Floats, surface: Surface, tree: Tree | None = None) -> Closest:
     """The point of ``surface`` closest to each of ``points`` (q, 3), in the units of the vertices.
 
     Of triangles at exactly the same distance (a vertex or an edge is closest) the lowest index is named, whatever the
@@ -43,8 +48,8 @@ def closest_points(points: Floats, surface: Surface) -> Closest:
     corners = surface.vertices[surface.triangles]
     distance, triangle = np.empty(len(points)), np.empty(len(points), np.int64)
     nearest = np.empty((len(points), 3))
-    tree = _Tree(*_build(corners))
-    _search(np.ascontiguousarray(points, np.float64), corners, surface.triangles, tree, distance, triangle, nearest)
+    boxes = tree_of(surface) if tree is None else tree
+    _search(np.ascontiguousarray(points, np.float64), corners, surface.triangles, boxes, distance, triangle, nearest)
     return Closest(distance, triangle, nearest)
 
 

@@ -55,6 +55,16 @@ def unit(vectors: Floats) -> Floats:
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
+def barycentric(points: Floats, corners: Floats) -> Floats:
+    """Barycentric coordinates (q, 3) of points (q, 3) in the planes of triangles (q, 3, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normal = np.cross(b - a, c - a)
+    square = np.maximum(np.einsum("qd,qd->q", normal, normal), 1e-300)
+    v = np.einsum("qd,qd->q", np.cross(points - a, c - a), normal) / square
+    w = np.einsum("qd,qd->q", np.cross(b - a, points - a), normal) / square
+    return np.stack([1.0 - v - w, v, w], axis=1)
+
+
 def normal_rms(areas: Floats, corners: Floats) -> float:
     """RMS distance between a surface and the same surface moved, to first order.
 

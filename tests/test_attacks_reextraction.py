@@ -9,7 +9,7 @@ from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, _marching, _meshlab, sampling
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
-from o3dmark.closest import closest_points
+from o3dmark.closest import closest_points, tree_of
 from o3dmark.errors import MeshError
 from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance
@@ -148,14 +148,16 @@ def test_resampling_has_the_cells_it_is_told() -> None:
     assert 0.19 < np.abs(np.diff(edges, axis=1)).max() < 0.2 + 1e-6
 
 
+def meshlab_resampled(mesh: TriangleMesh, cells: int) -> TriangleMesh:
+    extent = mesh.get_max_bound() - mesh.get_min_bound()
+    cell = _meshlab.length(float(extent.max() / cells / np.linalg.norm(extent)))
+    march = {"cellsize": cell, "offset": pymeshlab.PercentageValue(50.0)}  # 50: none
+    return triangle_mesh(*_meshlab.apply(*mesh_arrays(mesh), ("generate_resampled_uniform_mesh", march)))
+
+
 def test_resampling_gives_what_meshlab_gives(spot: TriangleMesh) -> None:
-    vertices, triangles = mesh_arrays(spot)
-    cell = np.ptp(vertices, axis=0).max() / 60
-    march = {
-        "cellsize": _meshlab.length(cell / geometry.diagonal(vertices)),
-        "offset": pymeshlab.PercentageValue(50.0),
-    }  # 50: none
-    theirs = triangle_mesh(*_meshlab.apply(vertices, triangles, ("generate_resampled_uniform_mesh", march)))
+    cell = (spot.get_max_bound() - spot.get_min_bound()).max() / 60
+    theirs = meshlab_resampled(spot, 60)
     ours = ATTACKS.make("resample:cells=60")(spot)
     distance = surface_distance(spot, ours), surface_distance(spot, theirs), surface_distance(ours, theirs)
     assert distance[2].mrms * distance[2].diagonal < 0.1 * cell
@@ -187,7 +189,7 @@ def test_the_sign_of_the_distance_is_right_at_edges_and_corners() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 3.5, (40_000, 3))
     share = np.linalg.solve(np.r_[vertices.T, np.ones((1, 4))], np.c_[points, np.ones(len(points))].T)
     surface = Surface.from_arrays(vertices, triangles)
-    signed = _marching._signed_distance(points, surface, _marching._pseudonormals(surface))
+    signed = _marching._signed_distance(points, surface, tree_of(surface), _marching._pseudonormals(surface))
     assert (signed < 0).sum() > 100
     np.testing.assert_array_equal(signed < 0, (share > 0).all(axis=0))
     np.testing.assert_array_equal(np.abs(signed), closest_points(points, surface).distance)

@@ -214,3 +214,13 @@ def test_what_is_given_stays_as_it_is():
     geometry.neighbour_mean(triangles, len(vertices))
     geometry.border_vertices(triangles, len(vertices))
     geometry.weld(vertices)
+
+
+def test_barycentric_coordinates_give_the_point_back() -> None:
+    rng = np.random.default_rng(0)
+    corners, shares = rng.standard_normal((50, 3, 3)), rng.dirichlet(np.ones(3), 50)
+    points = np.einsum("qc,qcd->qd", shares, corners)
+    np.testing.assert_allclose(geometry.barycentric(points, corners), shares, atol=1e-9)
+    np.testing.assert_allclose(
+        geometry.barycentric(corners[:, 1], corners), np.tile([0.0, 1.0, 0.0], (50, 1)), atol=1e-9
+    )

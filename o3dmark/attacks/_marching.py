@@ -13,7 +13,7 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from o3dmark import geometry
-from o3dmark.closest import closest_points
+from o3dmark.closest import Tree, closest_points, tree_of
 from o3dmark.errors import MeshError
 from o3dmark.geometry import Floats, Ints
 from o3dmark.mesh import Surface
@@ -38,10 +38,11 @@ def resampled(surface: Surface, cells: int) -> Surface:
     margin = int(np.ceil(_REACH)) + 0.5  # half a cell, so that no side of the box lies in a plane of nodes
     low = surface.vertices.min(axis=0) - margin * size
     blocks = np.ceil((extent / size + 2 * margin) / _COARSEST).astype(np.int64)
-    nodes = _near(surface, low, size, blocks)
+    tree = tree_of(surface)
+    nodes = _near(surface, tree, low, size, blocks)
     normals = _pseudonormals(surface)
     parts = (low + part * size for part in np.array_split(nodes, 1 + len(nodes) // _CHUNK))
-    distance = np.concatenate([_signed_distance(part, surface, normals) for part in parts]) / size
+    distance = np.concatenate([_signed_distance(part, surface, tree, normals) for part in parts]) / size
     pieces = list(_marched(nodes, distance, blocks * _COARSEST))
     if not pieces:
         raise MeshError(f"nothing of this mesh is wide enough for {cells} cells along its longest side; try more")
@@ -52,27 +53,27 @@ def resampled(surface: Surface, cells: int) -> Surface:
     return welded.moved(low + welded.vertices * size)
 
 
-def _near(surface: Surface, low: Floats, size: float, blocks: Ints) -> Ints:
+def _near(surface: Surface, tree: Tree, low: Floats, size: float, blocks: Ints) -> Ints:
     """Integer coordinates (k, 3) of the grid nodes within reach of the surface, block by block."""
     side, corners = _COARSEST, _COARSEST * np.stack([axis.ravel() for axis in np.indices(tuple(blocks))], axis=1)
     while side > 1:
         centres = low + (corners + 0.5 * (side - 1)) * size
         reach = (_REACH + 0.5 * 3**0.5 * (side - 1)) * size
-        corners = corners[closest_points(centres, surface).distance <= reach]
+        corners = corners[closest_points(centres, surface, tree).distance <= reach]
         side //= 2
         corners = (corners[:, None] + side * _OCTANTS).reshape(-1, 3)
     return corners
 
 
-def _signed_distance(points: Floats, surface: Surface, pseudonormals: tuple[Floats, Floats, Floats]) -> Floats:
+def _signed_distance(points: Floats, surface: Surface, tree: Tree, pseudonormals: tuple[Floats, ...]) -> Floats:
     """Distance (q,) of points (q, 3), negative behind the normal of the closest triangle, edge or vertex.
 
     Edges have the sum of their triangles' normals, vertices the angle-weighted sum.
     Source: Baerentzen and Aanaes 2005, Signed distance computation using the angle weighted pseudonormal.
     """
     faces, sides, tips = pseudonormals
-    closest = closest_points(points, surface)
-    shares = _shares(closest.point, surface.vertices[surface.triangles[closest.triangle]])
+    closest = closest_points(points, surface, tree)
+    shares = geometry.barycentric(closest.point, surface.vertices[surface.triangles[closest.triangle]])
     vanishing = shares < 1e-9
     normals = faces[closest.triangle]
     edge, vertex = vanishing.sum(axis=1) == 1, vanishing.sum(axis=1) == 2
@@ -95,16 +96,6 @@ def _pseudonormals(surface: Surface) -> tuple[Floats, Floats, Floats]:
     weighted = [(angles * axis[:, None]).ravel() for axis in faces.T]
     tips: Floats = np.stack([np.bincount(triangles.ravel(), axis, len(vertices)) for axis in weighted], axis=1)
     return faces, sums[edge].reshape(-1, 3, 3), tips
-
-
-def _shares(points: Floats, corners: Floats) -> Floats:
-    """Barycentric coordinates (q, 3) of points (q, 3) in triangles (q, 3, 3)."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    normal, p = np.cross(b - a, c - a), points - a
-    size = np.maximum(np.einsum("ij,ij->i", normal, normal), np.finfo(float).tiny)
-    v = np.einsum("ij,ij->i", np.cross(p, c - a), normal) / size
-    w = np.einsum("ij,ij->i", np.cross(b - a, p), normal) / size
-    return np.stack([1.0 - v - w, v, w], axis=1)
 
 
 def _marched(nodes: Ints, distance: Floats, shape: Ints) -> Iterator[tuple[Floats, Ints]]:

@@ -180,7 +180,7 @@ def _gaps(host: _Host, change: Floats, laid: _Points, flows: Floats) -> _Gaps:
     surface = host.surface.moved(host.cover.moved(change))
     near = closest_points(laid.positions, surface)
     offset, corners = laid.positions - near.point, surface.triangles[near.triangle]
-    share = _barycentric(near.point, surface.vertices[corners])
+    share = geometry.barycentric(near.point, surface.vertices[corners])
     face = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles))[near.triangle]
     normal = _directions(offset, share, face, surface.normals[corners], 1e-9 * surface.diagonal)
     kept = (near.distance < _FAR * surface.diagonal) & (np.einsum("qd,qd->q", laid.normals, face) > _ALIKE)
@@ -205,16 +205,6 @@ def _directions(offset: Floats, share: Floats, face: Floats, corner: Floats, lea
     clear = (np.abs(slope) > 0.5) & (np.linalg.norm(offset, axis=1, keepdims=True) > least)
     beyond = np.where(clear, way * np.sign(slope), smooth)
     return np.where(share.min(axis=1, keepdims=True) > _INSIDE, face, beyond)
-
-
-def _barycentric(points: Floats, corners: Floats) -> Floats:
-    """Coordinates (q, 3) of points (q, 3) of triangles (q, 3, 3)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = np.cross(b - a, c - a)
-    square = np.maximum(np.einsum("qd,qd->q", normal, normal), 1e-300)
-    v = np.einsum("qd,qd->q", np.cross(points - a, c - a), normal) / square
-    w = np.einsum("qd,qd->q", np.cross(b - a, points - a), normal) / square
-    return np.stack([1.0 - v - w, v, w], axis=1)
 
 
 class _Decoded(NamedTuple):

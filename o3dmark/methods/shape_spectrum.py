@@ -43,7 +43,7 @@ from o3dmark.saliency import Saliency
 from o3dmark.solid import Solid, normal_rms
 from o3dmark.spectrum import Band
 
-_TOP, _RUNG = 1.07**14, 1 / 1.07  # of the ladder of steps: its first over the one that the options suggest, and on
+_TOP = 14.0  # the power of 1.07 at the top of the ladder of steps; at 0 is the one that the options suggest
 _SPREAD = 265.0  # steps over mrms / sqrt(bits), in the middle of the ladder; lengths over the radius of gyration
 _USUAL = 3.7  # steps over the same times the extent, as meshes take them: 3.1 to 4.3, thin sheets down to 1.8
 _LEAST_PROJECTIONS = 32  # fewer could not tell the frame's seven parameters
@@ -147,7 +147,7 @@ class ShapeSpectrum(Method):
 
     def steps(self, n_bits: int) -> Floats:
         """The steps that writer and reader know of, largest first; a value is a volume over the scale cubed."""
-        return np.asarray(_TOP * _RUNG ** np.arange(self.rungs) * _SPREAD * self._per_value(n_bits))
+        return np.asarray(1.07 ** np.arange(_TOP, _TOP - self.rungs, -1.0) * _SPREAD * self._per_value(n_bits))
 
     def _per_value(self, n_bits: int) -> float:
         """The distortion allowed, shared out among the values in their sum of squares."""
