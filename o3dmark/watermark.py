@@ -1,12 +1,11 @@
 """A watermark: the method that hides bits and the code that makes bits of a message; one object for owner and reader.
 
-    mark = Watermark()                            # or PROFILES["paper-2026"], or Watermark(method=..., code=...)
+    mark = Watermark()                            # or a profile, or Watermark(method=..., code=...)
     marked = mark.embed(mesh, "(c) 26", key)
     mark.extract(attacked, key).message           # -> "(c) 26", or None
     mark.detect(attacked, key, "(c) 26").present  # -> True
 
-The reader needs the key and the same watermark, nothing of the embedding: both sides share only what a profile says.
-Profiles are dated. A profile, once published, is never edited, so that old marks stay readable.
+The reader needs the key and the same watermark, nothing of the embedding (see `profiles`).
 """
 
 from dataclasses import dataclass, field
@@ -15,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.detection import Detection, detect
+from o3dmark.coding.detection import Detection, detect
+from o3dmark.coding.keys import Key
+from o3dmark.coding.payload import CODES, Code, Decoded
 from o3dmark.errors import SpecError
-from o3dmark.keys import Key
 from o3dmark.methods import METHODS, Extraction, Method
-from o3dmark.payload import CODES, Code, Decoded
 from o3dmark.registry import spec_of
 
 
@@ -109,16 +108,6 @@ class Watermark:
 
     def to_dict(self) -> dict[str, Any]:
         return {"method": spec_of(self.method), "code": spec_of(self.code), "n_bits": self.n_bits}
-
-
-PROFILES: dict[str, Watermark] = {
-    "robust-2026": Watermark(METHODS.make("shape-spectrum"), CODES.make("random"), 64),
-    "invisible-2026": Watermark(METHODS.make("shape-spectrum:mrms=0.00037"), CODES.make("random"), 64),
-    "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=8,highest=24,rungs=60"), CODES.make("random"), 64),
-    "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
-    "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
-}
-DEFAULT_PROFILE = "robust-2026"
 
 
 def raw_dict(extraction: Extraction) -> dict[str, Any]:

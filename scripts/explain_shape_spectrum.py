@@ -16,8 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from o3dmark import METHODS, SHAPES, Key, attack_all, read_mesh
-from o3dmark.mesh import Surface
-from o3dmark.methods.shape_spectrum import ShapeSpectrum
+from o3dmark.mesh.surface import Surface
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.view import Image, Panel, save_png, sheet
 
 ATTACK = ("remesh:edge=0.015", "noise:amplitude=0.003", "similarity")

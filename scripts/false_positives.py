@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from o3dmark import METHODS, Key, Watermark, read_mesh
-from o3dmark.detection import detect, wilson_interval
+from o3dmark.coding.detection import detect, wilson_interval
 from o3dmark.methods import Extraction
-from o3dmark.methods.shape_spectrum import ShapeSpectrum
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.registry import spec_of
 
 MESSAGE = "mine"

@@ -18,7 +18,7 @@ import numpy as np
 import open3d as o3d
 
 from o3dmark.files import read_mesh, write_mesh
-from o3dmark.mesh import TriangleMesh, mesh_arrays
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 from o3dmark.registry import spec_of
 from o3dmark.synthetic import SHAPES
 

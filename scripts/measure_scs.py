@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from o3dmark.attacks import attack_all
+from o3dmark.coding.keys import Key
 from o3dmark.files import read_mesh
-from o3dmark.keys import Key
 from o3dmark.methods import METHODS
 from o3dmark.metrics.correlation import bit_errors, correlation
 from o3dmark.metrics.distance import surface_distance

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from o3dmark.keys import Key
-from o3dmark.mesh import TriangleMesh
+from o3dmark.coding.keys import Key
+from o3dmark.mesh.surface import TriangleMesh
 
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "golden"

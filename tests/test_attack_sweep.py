@@ -14,7 +14,7 @@ from conftest import GOLDEN, ROOT
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import BackendError
 from o3dmark.files import write_mesh
-from o3dmark.mesh import TriangleMesh
+from o3dmark.mesh.surface import TriangleMesh
 
 
 @pytest.fixture

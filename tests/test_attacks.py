@@ -7,10 +7,10 @@ import open3d as o3d
 import pytest
 
 from conftest import SHARED
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, Attack, attack_all
 from o3dmark.errors import MeshError, O3dmarkError, SpecError
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance
 from o3dmark.registry import describe, spec_of
 

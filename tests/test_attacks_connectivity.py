@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, _meshlab
 from o3dmark.errors import BackendError, MeshError
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance
 
 SCHEMES = ["midpoint", "loop", "butterfly", "sqrt3"]

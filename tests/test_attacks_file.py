@@ -5,9 +5,9 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 
 
 def triangle_rows(mesh: TriangleMesh) -> np.ndarray:

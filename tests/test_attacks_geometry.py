@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS
 from o3dmark.attacks.geometry import random_direction, rotation_matrix
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 
 
 def moved(spec: str, mesh: TriangleMesh, seed: int = 0) -> np.ndarray:

@@ -7,10 +7,10 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import BackendError
-from o3dmark.mesh import TriangleMesh, mesh_arrays
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 
 TOOLS = {"draco": "DracoPy", "meshopt": "meshoptimizer", "meshopt-simplify": "meshoptimizer"}
 

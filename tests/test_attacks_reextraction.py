@@ -5,13 +5,13 @@ import pymeshlab
 import pytest
 from scipy.spatial import KDTree
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, _marching, _meshlab, sampling
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
-from o3dmark.closest import closest_points, tree_of
 from o3dmark.errors import MeshError
-from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.proximity import closest_points, tree_of
+from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance
 
 PLACE = np.array([40.0, -7.0, 3.0])

@@ -16,10 +16,10 @@ import pytest
 from conftest import GOLDEN
 from o3dmark.campaign import Campaign, Ledger, load, process_pool, read_rows, run, run_job, trial
 from o3dmark.campaign import job as job_module
+from o3dmark.coding.keys import Key
 from o3dmark.errors import BackendError, SpecError
 from o3dmark.files import write_mesh
-from o3dmark.keys import Key
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 
 CONTRACT = (
     *("mesh", "method", "attack", "seed", "n_bits", "bit_errors", "corr", "message_ok", "p_value"),

@@ -13,7 +13,7 @@ import pytest
 
 from o3dmark.cli import app, main
 from o3dmark.files import write_mesh
-from o3dmark.mesh import TriangleMesh
+from o3dmark.mesh.surface import TriangleMesh
 
 MESSAGE = "o3d!"
 
@@ -21,7 +21,7 @@ MESSAGE = "o3d!"
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, carrier: Any) -> Path:
     """A folder with a key, a cover, and the cover marked with MESSAGE."""
-    from o3dmark.keys import Key
+    from o3dmark.coding.keys import Key
     from o3dmark.watermark import Watermark
 
     path = tmp_path_factory.mktemp("cli")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dmark.closest import closest_points
-from o3dmark.mesh import Surface
+from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.surface import Surface
 
 TRIANGLE = Surface.from_arrays(np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]]), np.array([[0, 1, 2]]))
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from o3dmark import geometry
-from o3dmark.cloud import surface_of_cloud
 from o3dmark.errors import MeshError
-from o3dmark.mesh import PointCloud, point_cloud
+from o3dmark.mesh import geometry
+from o3dmark.mesh.reconstruction import surface_of_cloud
+from o3dmark.mesh.surface import PointCloud, point_cloud
 
 RADII = np.array([1.0, 0.7, 0.5])
 

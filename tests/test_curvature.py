@@ -14,10 +14,10 @@ import pytest
 from test_geometry import icosphere
 
 from conftest import GOLDEN
-from o3dmark import geometry
-from o3dmark.curvature import of_points, taubin
 from o3dmark.files import read_mesh
-from o3dmark.mesh import mesh_arrays
+from o3dmark.mesh import geometry
+from o3dmark.mesh.curvature import of_points, taubin
+from o3dmark.mesh.surface import mesh_arrays
 
 QUADRICS = [(1.0, -1.0), (2.0, 0.5), (-1.0, -3.0), (0.0, -2.0), (0.0, 0.0)]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from o3dmark.curved import curved
-from o3dmark.geometry import volume
-from o3dmark.mesh import Surface
+from o3dmark.mesh.geometry import volume
+from o3dmark.mesh.pn_triangles import curved
+from o3dmark.mesh.surface import Surface
 
 GOLDEN_RATIO = 0.5 * (1.0 + np.sqrt(5.0))
 

@@ -13,9 +13,9 @@ from test_geometry import icosphere
 
 from o3dmark.errors import MeshError, O3dmarkError
 from o3dmark.files import FORMATS, read_mesh, read_shape
-from o3dmark.mesh import PointCloud, Surface, mesh_arrays
+from o3dmark.mesh.saliency import Saliency
+from o3dmark.mesh.surface import PointCloud, Surface, mesh_arrays
 from o3dmark.methods import METHODS
-from o3dmark.saliency import Saliency
 
 BITS = np.array([1, 0, 1, 1, 0, 0, 1, 0], np.uint8)
 LARGE = 5_000  # vertices; larger ones are marked in the slow run only

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from o3dmark.detection import (
+from o3dmark.coding.detection import (
     Rate,
     binomial_tail,
     charge,

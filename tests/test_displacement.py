@@ -10,7 +10,7 @@ import pytest
 from conftest import GOLDEN
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.displacement import SNR, MaxDisplacement, RmsDisplacement, paired
 

@@ -9,7 +9,7 @@ import pytest
 from conftest import GOLDEN
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.distance import MRMS, Hausdorff, sample_points, surface_distance
 

@@ -8,7 +8,7 @@ import pytest
 
 from o3dmark.errors import MeshError
 from o3dmark.files import FORMATS, read_mesh, read_points, read_shape, replacing, write_mesh
-from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 
 CORNERS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 PLY_HEADER = """ply

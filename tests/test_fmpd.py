@@ -9,7 +9,7 @@ import pytest
 from conftest import GOLDEN
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.metrics.fmpd import FMPD, roughness
 
 # Of spot and each of these, by the authors' MATLAB program (Wang_perceptual_distance.m in psapirstein/mesh-comparing),

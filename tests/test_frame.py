@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
-from o3dmark.frame import Frame, Rule, Turn, principal, rules
-from o3dmark.geometry import Floats
-from o3dmark.mesh import Surface
-from o3dmark.moments import moments, third_moments
-from o3dmark.solid import Solid
+from o3dmark.mesh.surface import Surface
+from o3dmark.solid.frame import Frame, Rule, Turn, principal, rules
+from o3dmark.solid.moments import moments, third_moments
+from o3dmark.solid.solid import Solid
 
 RULES = [Rule("volume"), Rule("area"), Rule("volume", Turn(0, 3)), Rule("area", Turn(1, 2, 0, 1))]
 MEASURES = ["volume", "area"]

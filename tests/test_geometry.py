@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from o3dmark import geometry
-from o3dmark.mesh import mesh_arrays
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import mesh_arrays
 
 BOX = mesh_arrays(o3d.geometry.TriangleMesh.create_box(2.0, 3.0, 4.0))
 TETRAHEDRON = (

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
-from o3dmark.detection import detect
-from o3dmark.keys import Key
-from o3dmark.mesh import Surface, TriangleMesh
+from o3dmark.coding.detection import detect
+from o3dmark.coding.keys import Key
+from o3dmark.mesh.surface import Surface, TriangleMesh
 from o3dmark.methods import Extraction
-from o3dmark.methods._informed import _fitted, _gaps, _Host, _Points, read_fragment
-from o3dmark.methods._lattice import closest_vectors
-from o3dmark.methods.shape_spectrum import ShapeSpectrum
+from o3dmark.methods.shape_spectrum.fragment import _fitted, _gaps, _Host, _Points, read_fragment
+from o3dmark.methods.shape_spectrum.lattice import closest_vectors
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 
 METHOD = ShapeSpectrum(mrms=8e-4)
 BITS = np.random.default_rng(5).integers(0, 2, 16)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from o3dmark.coding.keys import Key
 from o3dmark.errors import KeyFileError
-from o3dmark.keys import Key
 
 KEY = Key(bytes(range(32)))
 # 2026-11-22, OpenSSL 3.0: openssl dgst -shake256 -xoflen 80 over "o3dmark/1", a zero byte, bytes 0..31 and "golden"

@@ -15,28 +15,23 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up. A module, or a package with all its files, imports from lower lines only, and within itself.
 LAYERS = """
-    errors
-    geometry registry
-    mesh keys
-    files
-    curvature spectrum scs registration unfilter solid cloud curved closest
-    moments placing
-    frame
-    saliency detection synthetic
-    payload
-    methods attacks metrics
+    _version arrays errors
+    registry
+    mesh coding
+    solid files
+    attacks metrics synthetic methods
     watermark
-    campaign
-    view
+    profiles
+    campaign view
     report
     cli
     o3dmark __main__
 """
 LEVEL = {unit: level for level, line in enumerate(LAYERS.split("\n")) for unit in line.split()}
 DOORS = {
-    "open3d": {"mesh", "files", "saliency", "view", "synthetic", "attacks", "placing"},
+    "open3d": {"mesh", "files", "view", "synthetic", "attacks"},
     "pymeshlab": {"attacks._meshlab"},
-    "finufft": {"spectrum"},
+    "finufft": {"solid.spectrum"},
     "matplotlib": {"report", "view"},
     "typer": {"cli"},
     "distributed": {"campaign.pool"},

@@ -4,9 +4,9 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dmark import geometry
 from o3dmark.errors import MeshError
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh, with_vertices
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh, with_vertices
 
 VERTICES, TRIANGLES = mesh_arrays(TriangleMesh.create_octahedron())
 FLOAT64 = o3d.core.float64

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
+from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
-from o3dmark.keys import Key
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Method
 from o3dmark.registry import spec_of
 

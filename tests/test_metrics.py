@@ -5,7 +5,7 @@ import pytest
 
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import MeshError
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.registry import describe, spec_of
 

@@ -8,10 +8,10 @@ import pytest
 from test_normal_cycle import neighbours, walk_slowly
 
 from conftest import GOLDEN
-from o3dmark.closest import closest_points
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface, mesh_arrays, triangle_mesh
+from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.msdm import MSDM, MSDM2
 from o3dmark.metrics.normal_cycle import curvature, rings_of

@@ -6,8 +6,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dmark import geometry
-from o3dmark.mesh import Surface, mesh_arrays
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.metrics.normal_cycle import bends, curvature, rings_of, steps_for, walk
 
 TENT = np.array([[0.0, 0, 0], [0, 4, 0], [1, 2, -1], [-1, 2, -1]]), np.array([[0, 2, 1], [0, 1, 3]])

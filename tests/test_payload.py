@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from o3dmark.detection import detect
+from o3dmark.coding.detection import detect
+from o3dmark.coding.keys import Key
+from o3dmark.coding.payload import CODES, Code, Decoded, RandomLinear, least_bits, nearest
 from o3dmark.errors import SpecError
-from o3dmark.keys import Key
-from o3dmark.payload import CODES, Code, Decoded, RandomLinear, least_bits, nearest
 from o3dmark.registry import spec_of
 
 KEY, OTHER = Key(bytes(range(32))), Key(bytes(range(1, 33)))

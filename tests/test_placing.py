@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from o3dmark import registration
 from o3dmark.attacks import attack_all
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh
-from o3dmark.placing import places
-from o3dmark.registration import apply, small_similarity
+from o3dmark.mesh import registration
+from o3dmark.mesh.fragments import places
+from o3dmark.mesh.registration import apply, small_similarity
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 
 MOVED = "similarity:smallest=0.2,largest=5"
 

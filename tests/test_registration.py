@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from o3dmark.geometry import diagonal
-from o3dmark.mesh import mesh_arrays
-from o3dmark.registration import align, apply, match_vertices, similarity
+from o3dmark.mesh.geometry import diagonal
+from o3dmark.mesh.registration import align, apply, match_vertices, similarity
+from o3dmark.mesh.surface import mesh_arrays
 
 
 def some_similarity(seed, scale=None):

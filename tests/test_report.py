@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from o3dmark.arrays import Floats
 from o3dmark.attacks import attack_all
 from o3dmark.campaign import Campaign, Ledger, failed_rows, job, read_rows, run, trial
 from o3dmark.errors import SpecError
 from o3dmark.files import write_mesh
-from o3dmark.geometry import Floats
-from o3dmark.mesh import TriangleMesh
+from o3dmark.mesh.surface import TriangleMesh
 from o3dmark.report import gallery, write_report
 from o3dmark.report.content import TONES, compared, number, signed, tone_of
 from o3dmark.report.data import interval, strength

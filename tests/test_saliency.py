@@ -9,11 +9,11 @@ from scipy.stats import spearmanr
 from test_geometry import icosphere
 
 from conftest import GOLDEN
-from o3dmark import curvature, geometry
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface, mesh_arrays, point_cloud, triangle_mesh
-from o3dmark.saliency import LEE_SCALES, Saliency, combine, gaussian_means
+from o3dmark.mesh import curvature, geometry
+from o3dmark.mesh.saliency import LEE_SCALES, Saliency, combine, gaussian_means
+from o3dmark.mesh.surface import Surface, mesh_arrays, point_cloud, triangle_mesh
 
 PAPER = Saliency(scales=(2.0,))
 LEE = Saliency()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
+from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
-from o3dmark.keys import Key
-from o3dmark.mesh import Surface, mesh_arrays
+from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.methods import METHODS
 from o3dmark.methods.saliency_scs import LADDER, Guess, SaliencySCS, Spherical
 from o3dmark.metrics.distance import surface_distance

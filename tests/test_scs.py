@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from o3dmark.scs import ScalarCosta, coherence_log10p
+from o3dmark.coding.scs import ScalarCosta, coherence_log10p
 
 VALUES = st.floats(-100.0, 100.0)
 STEPS = st.floats(1e-3, 10.0)

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
+from o3dmark.coding.keys import Key
+from o3dmark.coding.scs import ScalarCosta
 from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import read_mesh
-from o3dmark.keys import Key
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.mesh.saliency import Saliency
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods._codewords import plans
-from o3dmark.methods._fit import fit, significance
-from o3dmark.methods._projections import Projections, coherence
-from o3dmark.methods._reader import Reader
-from o3dmark.methods._sights import Sights
-from o3dmark.methods.shape_spectrum import ShapeSpectrum
-from o3dmark.saliency import Saliency
-from o3dmark.scs import ScalarCosta
-from o3dmark.solid import Solid, normal_rms
-from o3dmark.spectrum import Band
+from o3dmark.methods.shape_spectrum.codewords import plans
+from o3dmark.methods.shape_spectrum.decoder import Reader
+from o3dmark.methods.shape_spectrum.fit import fit, significance
+from o3dmark.methods.shape_spectrum.hypotheses import Sights
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
+from o3dmark.methods.shape_spectrum.projections import Projections, coherence
+from o3dmark.solid.solid import Solid, normal_rms
+from o3dmark.solid.spectrum import Band
 
 METHOD = ShapeSpectrum(mrms=8e-4)
 BITS = np.random.default_rng(5).integers(0, 2, 32)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from o3dmark import geometry
-from o3dmark.mesh import Surface
-from o3dmark.solid import Solid, boundary, fans, normal_rms, oriented, samples
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface
+from o3dmark.solid.solid import Solid, boundary, fans, normal_rms, oriented, samples
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from o3dmark.geometry import Floats
-from o3dmark.solid import Solid, samples
-from o3dmark.spectrum import Band, Spectrum
+from o3dmark.arrays import Floats
+from o3dmark.solid.solid import Solid, samples
+from o3dmark.solid.spectrum import Band, Spectrum
 
 BAND = Band(2.0, 6.0, 6.0)
 ACCURACY = 3e-5  # over the largest value; the transforms are good to 1e-5
@@ -108,7 +108,7 @@ def test_the_gradient_is_that_of_the_values(bent: Solid) -> None:
 
 @pytest.mark.parametrize("motion", range(7))
 def test_moving_the_frame_changes_the_spectrum_as_its_derivative_says(bent: Solid, motion: int) -> None:
-    from o3dmark.frame import Frame
+    from o3dmark.solid.frame import Frame
 
     h = 1e-2
     step = np.zeros(7)

@@ -10,11 +10,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
-from o3dmark.geometry import Floats
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.registry import spec_of
 from o3dmark.synthetic import SHAPES, Sculpture, make
 from o3dmark.synthetic import field as solids

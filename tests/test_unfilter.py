@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
-from o3dmark.geometry import border_vertices
-from o3dmark.mesh import Surface, TriangleMesh
-from o3dmark.unfilter import Transfer, Unfilter, humphrey, taubin, umbrella
+from o3dmark.mesh.geometry import border_vertices
+from o3dmark.mesh.smoothing import Transfer, Unfilter, humphrey, taubin, umbrella
+from o3dmark.mesh.surface import Surface, TriangleMesh
 
 CASES = [
     ("smooth:iterations=10", umbrella(10, 0.1), 1000.0, 0.01),

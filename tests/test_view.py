@@ -10,9 +10,9 @@ import pytest
 
 import o3dmark.view.comparison
 import o3dmark.view.window
-from o3dmark import geometry
 from o3dmark.errors import BackendError, MeshError, SpecError
-from o3dmark.mesh import PointCloud, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import PointCloud, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.view import (
     Camera,
     Panel,

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
+from o3dmark.coding.keys import Key
+from o3dmark.coding.payload import CODES
 from o3dmark.errors import CapacityError, MeshError, SpecError
-from o3dmark.keys import Key
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.payload import CODES
+from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.registry import to_dict
-from o3dmark.watermark import DEFAULT_PROFILE, PROFILES, Watermark, bit_text, parse_bits
+from o3dmark.watermark import Watermark, bit_text, parse_bits
 
 MESSAGE = "o3d!"
 

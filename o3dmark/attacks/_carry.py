@@ -12,8 +12,8 @@ import open3d as o3d
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import Surface, TriangleMesh, mesh_arrays, triangle_mesh, with_vertices
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh, with_vertices
 
 
 def checked_arrays(mesh: Any) -> tuple[Floats, Ints]:

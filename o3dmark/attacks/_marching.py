@@ -12,11 +12,11 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from o3dmark import geometry
-from o3dmark.closest import Tree, closest_points, tree_of
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import Surface
+from o3dmark.mesh import geometry
+from o3dmark.mesh.proximity import Tree, closest_points, tree_of
+from o3dmark.mesh.surface import Surface
 
 _REACH = 3.5  # of the field to both sides, in cells
 _COARSEST = 16  # cells: side of the blocks that the search for the surface begins with

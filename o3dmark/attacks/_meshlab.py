@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import BackendError
-from o3dmark.geometry import Floats, Ints
+from o3dmark.mesh import geometry
 
 
 def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]]) -> tuple[Floats, Ints]:

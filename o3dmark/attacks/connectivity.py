@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, Attack, _meshlab
 from o3dmark.attacks._carry import copied, made
-from o3dmark.mesh import Surface
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface
 from o3dmark.registry import option
 
 # MeshLab takes a parameter that is left out from the last call in the process, so all are given: its own defaults, but

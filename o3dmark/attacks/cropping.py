@@ -7,12 +7,12 @@ import numpy as np
 import scipy.sparse.csgraph
 from numpy.typing import NDArray
 
-from o3dmark import geometry
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, kept, made
 from o3dmark.attacks.geometry import Similarity, random_direction
 from o3dmark.errors import MeshError
-from o3dmark.mesh import TriangleMesh, mesh_arrays
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 from o3dmark.registry import option
 
 

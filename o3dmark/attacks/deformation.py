@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, copied, moved
-from o3dmark.geometry import Floats
 from o3dmark.registry import option
 
 Columns = tuple[Floats, Floats, Floats]  # two coordinates (n,) across the axis, from the box's centre; one along it

@@ -10,9 +10,10 @@ from typing import Any, Literal
 import numpy as np
 import open3d as o3d
 
-from o3dmark import files, geometry
+from o3dmark import files
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, copied, legacy, moved, picked
+from o3dmark.mesh import geometry
 from o3dmark.registry import option
 
 

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, copied, moved, picked
-from o3dmark.geometry import Floats
 from o3dmark.registry import option
 
 

@@ -5,10 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, copied, moved
-from o3dmark.geometry import Floats, Ints
+from o3dmark.mesh import geometry
 from o3dmark.registry import option
 
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from o3dmark.arrays import Ints
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, made, moved
 from o3dmark.attacks.geometry import Similarity, random_direction
 from o3dmark.attacks.reextraction import Resample, Rescan
 from o3dmark.attacks.smoothing import Smooth
 from o3dmark.errors import BackendError
-from o3dmark.geometry import Ints
-from o3dmark.mesh import Surface, mesh_arrays
+from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.registry import option
 
 

@@ -16,7 +16,7 @@ from o3dmark.attacks._carry import kept, made
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import BackendError
-from o3dmark.mesh import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.registry import option
 
 

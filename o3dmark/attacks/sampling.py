@@ -7,12 +7,12 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.attacks.geometry import random_direction, rotation_matrix
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import PointCloud, Surface, point_cloud
-from o3dmark.solid import oriented
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
+from o3dmark.solid.solid import oriented
 
 _ROUNDS = 50  # of drawing candidates before the scan takes what it has
 

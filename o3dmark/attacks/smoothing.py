@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import copied
-from o3dmark.geometry import Floats
-from o3dmark.mesh import Surface, with_vertices
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.registry import option
 
 

@@ -15,10 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, made
-from o3dmark.geometry import Floats, Ints
+from o3dmark.mesh import geometry
 from o3dmark.registry import option
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import o3dmark
+from o3dmark._version import __version__
 from o3dmark.campaign.job import Row, failed_rows, run_job
 from o3dmark.campaign.ledger import Ledger
 from o3dmark.campaign.plan import Campaign, Job
@@ -76,7 +76,7 @@ def about(command: str = "") -> dict[str, Any]:
     return {
         "command": command,
         "started": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "version": o3dmark.__version__,
+        "version": __version__,
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "python": platform.python_version(),
     }

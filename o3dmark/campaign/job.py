@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import o3dmark
+from o3dmark._version import __version__
 from o3dmark.attacks import attack_all
 from o3dmark.campaign.plan import STRANGER, Case, Job, Source
-from o3dmark.detection import detect
+from o3dmark.coding.detection import detect
+from o3dmark.coding.keys import Key
+from o3dmark.coding.payload import CODES
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
-from o3dmark.keys import Key
 from o3dmark.methods import METHODS
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.correlation import bit_errors, correlation
-from o3dmark.payload import CODES
 from o3dmark.synthetic import make
 from o3dmark.watermark import Watermark
 
@@ -100,7 +100,7 @@ def _row(job: Job, case: Case, result: Row) -> Row:
         "seed": job.seed,
         "n_bits": job.n_bits,
     }
-    return names | _NOTHING | {"failure": None, "version": o3dmark.__version__} | result
+    return names | _NOTHING | {"failure": None, "version": __version__} | result
 
 
 def _result(job: Job, case: Case, marked: Trial) -> Row:

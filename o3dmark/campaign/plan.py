@@ -34,11 +34,11 @@ from pathlib import Path
 from typing import Any
 
 from o3dmark.attacks import ATTACKS
+from o3dmark.coding.payload import CODES
 from o3dmark.errors import SpecError
 from o3dmark.files import FORMATS
 from o3dmark.methods import METHODS
 from o3dmark.metrics import METRICS
-from o3dmark.payload import CODES
 from o3dmark.registry import Registry, spec_of
 from o3dmark.synthetic import SHAPES
 

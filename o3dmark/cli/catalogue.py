@@ -46,11 +46,11 @@ def list_(
 
 def _registry(kind: str) -> Any:
     from o3dmark.attacks import ATTACKS
+    from o3dmark.coding.payload import CODES
     from o3dmark.methods import METHODS
     from o3dmark.metrics import METRICS
-    from o3dmark.payload import CODES
+    from o3dmark.profiles import PROFILES
     from o3dmark.synthetic import SHAPES
-    from o3dmark.watermark import PROFILES
 
     kinds = {
         "methods": METHODS,

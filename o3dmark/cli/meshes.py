@@ -58,7 +58,7 @@ def saliency(
 ) -> None:
     """Mesh saliency of a mesh or a point cloud."""
     from o3dmark.files import read_shape
-    from o3dmark.saliency import Saliency
+    from o3dmark.mesh.saliency import Saliency
 
     try:
         measure = Saliency(scales=tuple(float(scale) for scale in scales.split(",")), epsilon=epsilon)
@@ -116,12 +116,12 @@ def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
     if kind is None:
         return [None] * len(shapes)
     if kind == "saliency":
-        from o3dmark.saliency import Saliency
+        from o3dmark.mesh.saliency import Saliency
 
         return [Saliency()(shape) for shape in shapes]
     if kind == "distance":
-        from o3dmark.closest import closest_points
-        from o3dmark.mesh import Surface, mesh_arrays
+        from o3dmark.mesh.proximity import closest_points
+        from o3dmark.mesh.surface import Surface, mesh_arrays
 
         first = Surface.of(shapes[0])
         distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]

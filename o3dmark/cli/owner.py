@@ -25,7 +25,7 @@ Reference = Annotated[
 
 def keygen(file: Annotated[Path, typer.Argument(metavar="FILE", help="To be made.")], json: Json = False) -> None:
     """Make a key: 256 random bits, in a file that only you can read. An existing file is never overwritten."""
-    from o3dmark.keys import Key
+    from o3dmark.coding.keys import Key
 
     Key.generate().save(file)
     print_result({"output": str(file)}, json)
@@ -44,8 +44,8 @@ def embed(
 ) -> None:
     """Hide a message in a mesh. What was written is read back, and discarded with exit code 1 if that fails."""
     from o3dmark import watermark
+    from o3dmark.coding.keys import Key
     from o3dmark.files import read_mesh, replacing, write_mesh
-    from o3dmark.keys import Key
 
     if (message is None) == (bits is None):
         raise typer.BadParameter("give either --message or --bits")
@@ -85,8 +85,8 @@ def extract(
 ) -> None:
     """Read the message. Exit code 1 when there is none."""
     from o3dmark import watermark
+    from o3dmark.coding.keys import Key
     from o3dmark.files import read_mesh
-    from o3dmark.keys import Key
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
@@ -113,8 +113,8 @@ def detect(
     json: Json = False,
 ) -> None:
     """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper."""
+    from o3dmark.coding.keys import Key
     from o3dmark.files import read_mesh
-    from o3dmark.keys import Key
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
@@ -127,7 +127,7 @@ def detect(
 def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark":
     """The profile, with its method or number of bits replaced where the caller names another."""
     from o3dmark.methods import METHODS
-    from o3dmark.watermark import DEFAULT_PROFILE, PROFILES
+    from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 
     name = profile or DEFAULT_PROFILE
     if name not in PROFILES:

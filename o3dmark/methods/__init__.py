@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.geometry import Floats
-from o3dmark.keys import Key
+from o3dmark.arrays import Floats
+from o3dmark.coding.keys import Key
 from o3dmark.registry import Registry
 
 METHODS: "Registry[Method]" = Registry("method", __name__)

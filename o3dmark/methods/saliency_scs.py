@@ -28,16 +28,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark import geometry, registration
+from o3dmark.arrays import Floats, Ints
+from o3dmark.coding.keys import Key
+from o3dmark.coding.scs import ScalarCosta, coherence_log10p
 from o3dmark.errors import CapacityError, MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.keys import Key
-from o3dmark.mesh import Surface, with_vertices
+from o3dmark.mesh import geometry, registration
+from o3dmark.mesh.saliency import Saliency
+from o3dmark.mesh.smoothing import Unfilter, umbrella
+from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.registry import option
-from o3dmark.saliency import Saliency
-from o3dmark.scs import ScalarCosta, coherence_log10p
-from o3dmark.unfilter import Unfilter, umbrella
 
 LADDER = 0.2 * 1.05 ** -np.arange(80.0)  # steps over the mean vertex norm, from 0.2 down to 0.004
 _LEAST_VERTICES_A_BIT = 16

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.detection import wilson_interval
+from o3dmark.coding.detection import wilson_interval
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import Surface, mesh_arrays
+from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.metrics import METRICS, Metric
 
 

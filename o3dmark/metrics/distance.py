@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark import geometry
-from o3dmark.closest import closest_points
-from o3dmark.geometry import Floats
-from o3dmark.mesh import Surface
+from o3dmark.arrays import Floats
+from o3dmark.mesh import geometry
+from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.registry import option
 

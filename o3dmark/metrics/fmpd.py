@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from o3dmark import geometry
-from o3dmark.geometry import Floats
-from o3dmark.mesh import Surface
+from o3dmark.arrays import Floats
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 
 _LEAST, _MOST = 0.0005, 0.20  # roughness, in radians, is clamped to this range,

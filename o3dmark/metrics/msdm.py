@@ -16,9 +16,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numba import njit
 
-from o3dmark.closest import closest_points
-from o3dmark.geometry import Floats
-from o3dmark.mesh import Surface
+from o3dmark.arrays import Floats
+from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.metrics.displacement import paired
 from o3dmark.metrics.normal_cycle import curvature, rings_of, steps_for, walk

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from o3dmark import geometry
-from o3dmark.geometry import Floats, Ints
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh import geometry
 
 
 class Rings(NamedTuple):

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
-from o3dmark.geometry import Floats
+from o3dmark.arrays import Floats
 from o3dmark.report.data import Row, interval, strength
 
 # Told apart by people who see no red or no green, too, on white and on near black; the markers help where lines cross.

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from matplotlib.image import imsave
 
+from o3dmark.arrays import Floats
 from o3dmark.campaign import Case, Job, Source, Trial, trial
 from o3dmark.campaign.job import attacked, cover_of
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.errors import O3dmarkError
-from o3dmark.geometry import Floats
+from o3dmark.mesh.saliency import Saliency
 from o3dmark.report.content import Cell, Picture, Section, Table, number
 from o3dmark.report.data import Results, Row, corr, mean
 from o3dmark.report.rank import rank_correlation
-from o3dmark.saliency import Saliency
 from o3dmark.view import render
 
 SIZE = (360, 330)  # pixels

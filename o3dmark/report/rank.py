@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
-from o3dmark.geometry import Floats, Ints, diagonal
-from o3dmark.registration import align, apply, numbered_alike
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh.geometry import diagonal
+from o3dmark.mesh.registration import align, apply, numbered_alike
 
 _FITS = 0.02  # RMS distance, over the cover's diagonal, below which a mesh is taken to lie where its cover lies
 _PROBES = 5000  # vertices by which the pose is found: enough for it, and soon done

@@ -5,7 +5,7 @@ from collections import Counter
 from typing import Any
 
 from o3dmark.campaign.plan import UNTOUCHED
-from o3dmark.detection import Rate
+from o3dmark.coding.detection import Rate
 from o3dmark.methods import METHODS
 from o3dmark.registry import describe
 from o3dmark.report.content import Cell, Section, Table, Tone, compared, number

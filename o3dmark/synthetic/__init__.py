@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from o3dmark.errors import MeshError
-from o3dmark.mesh import TriangleMesh
+from o3dmark.mesh.surface import TriangleMesh
 from o3dmark.registry import Registry, option
 from o3dmark.synthetic.field import Field
 from o3dmark.synthetic.isosurface import remesh

@@ -12,7 +12,7 @@ from functools import reduce
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from o3dmark.geometry import Floats
+from o3dmark.arrays import Floats
 
 Field = Callable[[Floats], Floats]
 Triple = Sequence[float] | Floats

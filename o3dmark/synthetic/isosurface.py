@@ -10,10 +10,10 @@ from itertools import permutations
 import numpy as np
 import numpy.typing as npt
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import TriangleMesh, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
 from o3dmark.synthetic.field import Field
 
 HALF_BOX = 1.5  # every solid lies inside the cube [-1.5, 1.5]^3

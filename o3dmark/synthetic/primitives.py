@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dmark import geometry
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import TriangleMesh, triangle_mesh
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES, Shape
 

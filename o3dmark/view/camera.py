@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from o3dmark.geometry import Floats
+from o3dmark.arrays import Floats
 
 FIELD_OF_VIEW = 24.0  # degrees, along the shorter side of the picture
 MARGIN = 0.05  # left free on each side, of the picture

@@ -6,9 +6,9 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike
 
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError, SpecError
-from o3dmark.geometry import Floats
-from o3dmark.mesh import PointCloud, TriangleMesh
+from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 PERCENTILES = (2.0, 98.0)  # saliency has long tails: a few extreme vertices would leave one colour for the rest
 

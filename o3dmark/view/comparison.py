@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats
-from o3dmark.mesh import mesh_arrays, triangle_mesh
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import mesh_arrays, triangle_mesh
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import checked_scalars, colour_limits
 from o3dmark.view.model import n_vertices, positions, shape_of

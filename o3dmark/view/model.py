@@ -8,10 +8,10 @@ import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from o3dmark import geometry
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.geometry import Floats, Ints
-from o3dmark.mesh import PointCloud, Surface, point_cloud
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
 
 Float32s = NDArray[np.float32]  # a picture needs no more
 Shape: TypeAlias = Surface | PointCloud

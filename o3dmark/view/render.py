@@ -13,9 +13,9 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark import geometry
 from o3dmark.errors import BackendError
 from o3dmark.files import replacing
+from o3dmark.mesh import geometry
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import checked_scalars, colour_limits, colours
 from o3dmark.view.model import Model, n_vertices, positions, shape_of

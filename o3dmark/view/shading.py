@@ -7,7 +7,7 @@ import numpy as np
 import open3d as o3d
 from scipy.ndimage import uniform_filter
 
-from o3dmark.geometry import Floats, Ints
+from o3dmark.arrays import Floats, Ints
 from o3dmark.view.model import Float32s, Model
 
 SKY_RAYS = 3  # for each ray that hits, so many more find out how much of the sky is seen from there

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from o3dmark.geometry import Floats
+from o3dmark.arrays import Floats
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import beyond, colour_limits
 from o3dmark.view.render import Image, render

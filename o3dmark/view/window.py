@@ -12,7 +12,7 @@ import open3d as o3d
 from numpy.typing import ArrayLike
 
 from o3dmark.errors import BackendError
-from o3dmark.mesh import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.view.colours import coloured
 from o3dmark.view.model import shape_of
 from o3dmark.view.render import MATERIAL

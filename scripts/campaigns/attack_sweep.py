@@ -28,7 +28,7 @@ import numpy as np
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import BackendError, MeshError
 from o3dmark.files import FORMATS, read_mesh
-from o3dmark.mesh import mesh_arrays
+from o3dmark.mesh.surface import mesh_arrays
 from o3dmark.registry import describe, spec_of
 
 STRENGTHS = ("simplify:ratio=0.975", "draco:bits=14", "crop:share=0.5")  # that the benchmark or a format names

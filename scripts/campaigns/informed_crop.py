@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from o3dmark.attacks import attack_all
-from o3dmark.detection import detect
+from o3dmark.coding.detection import detect
+from o3dmark.coding.keys import Key
 from o3dmark.files import read_mesh
-from o3dmark.keys import Key
 from o3dmark.methods import METHODS
 
 MOVED = "similarity:smallest=0.2,largest=5"

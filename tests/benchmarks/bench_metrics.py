@@ -8,7 +8,7 @@ from test_msdm import msdm_slowly
 from conftest import GOLDEN
 from o3dmark.attacks import ATTACKS
 from o3dmark.files import read_mesh
-from o3dmark.mesh import mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.distance import surface_distance
 from o3dmark.metrics.fmpd import FMPD

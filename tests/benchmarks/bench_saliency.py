@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from test_saliency import means_slowly
 
-from o3dmark.curvature import taubin
 from o3dmark.files import read_mesh
-from o3dmark.mesh import Surface
-from o3dmark.saliency import LEE_SCALES, Saliency, gaussian_means
+from o3dmark.mesh.curvature import taubin
+from o3dmark.mesh.saliency import LEE_SCALES, Saliency, gaussian_means
+from o3dmark.mesh.surface import Surface
 
 LEAST_RATIO = 5.0
 GIB = 2**20  # in the kB of /proc
@@ -27,7 +27,7 @@ surface = Surface.of(read_mesh(sys.argv[1]))
 """
 MILLION = """
 from open3d.geometry import TriangleMesh
-from o3dmark.mesh import mesh_arrays
+from o3dmark.mesh.surface import mesh_arrays
 vertices, triangles = mesh_arrays(TriangleMesh.create_torus(1.0, 0.4, 1000, 1000))
 vertices *= 1 + 0.02 * np.sin(9 * vertices).sum(axis=1, keepdims=True)
 surface = Surface.from_arrays(vertices, triangles)
@@ -35,8 +35,8 @@ surface = Surface.from_arrays(vertices, triangles)
 MEASURE = """
 import sys, time
 import numpy as np
-from o3dmark.mesh import Surface
-from o3dmark.saliency import Saliency
+from o3dmark.mesh.surface import Surface
+from o3dmark.mesh.saliency import Saliency
 {source}
 start = time.perf_counter()
 Saliency(scales={scales}).of_surface(surface)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from o3dmark import geometry
 from o3dmark.attacks import attack_all
-from o3dmark.mesh import Surface
-from o3dmark.methods.shape_spectrum import ShapeSpectrum
-from o3dmark.solid import Solid, samples
-from o3dmark.spectrum import Band, Spectrum
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
+from o3dmark.solid.solid import Solid, samples
+from o3dmark.solid.spectrum import Band, Spectrum
 
 METHOD = ShapeSpectrum()
 BITS = np.random.default_rng(0).integers(0, 2, 64)

@@ -1,0 +1,179 @@
+"""The border between Open3D's meshes and the read-only arrays that o3dmark computes with.
+
+A `Surface` is what the mathematics sees of a mesh: vertices at equal positions welded into one, so that texture seams
+and triangle soups neither open nor split; vertices that no triangle uses, and triangles that are none (a repeated
+corner, a repeated triangle), left out. `with_vertices` carries new positions back to every original vertex, and
+colours, texture coordinates and materials go through untouched.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import open3d as o3d
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from o3dmark.arrays import Floats, Ints
+from o3dmark.errors import MeshError
+from o3dmark.mesh import geometry
+
+TriangleMesh: TypeAlias = o3d.geometry.TriangleMesh
+PointCloud: TypeAlias = o3d.geometry.PointCloud
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Read-only arrays of a mesh and the quantities derived from them, each computed once.
+
+    vertices (n, 3) float64; triangles (m, 3) int64; origin (N,) int64: for each of the mesh's N vertices its row in
+    ``vertices``, or -1 when no triangle uses it. For meshes without coincident or unused vertices origin is 0 .. N-1.
+    """
+
+    vertices: Floats
+    triangles: Ints
+    origin: Ints
+
+    def __post_init__(self) -> None:
+        for array in (self.vertices, self.triangles, self.origin):
+            array.setflags(write=False)
+
+    @classmethod
+    def of(cls, mesh: Any) -> "Surface":
+        """The surface of an Open3D triangle mesh (legacy, or a float64 tensor mesh).
+
+        Errors: MeshError with no triangle, an index out of range, a coordinate that is not finite, or no area.
+        """
+        return cls.from_arrays(*mesh_arrays(mesh))
+
+    @classmethod
+    def from_arrays(cls, vertices: Floats, triangles: Ints) -> "Surface":
+        """The surface of plain arrays (n, 3) and (m, 3), copied; errors as in `of`."""
+        _check(vertices, triangles)
+        kept, position = geometry.weld(vertices)
+        corners = position[triangles]
+        corners = corners[_proper(corners)]
+        used = np.flatnonzero(np.bincount(corners.ravel(), minlength=len(kept)))
+        if not len(used) or not geometry.diagonal(vertices[kept[used]]):
+            raise MeshError("the mesh has no triangle with three different corners")
+        row = np.full(len(kept), -1, np.int64)
+        row[used] = np.arange(len(used))
+        surface = cls(vertices[kept[used]].copy(), row[corners], row[position])
+        if not surface.area > 1e-12 * surface.diagonal**2:
+            raise MeshError("the mesh has no area: its vertices lie on a point or a line")
+        return surface
+
+    def moved(self, vertices: Floats) -> "Surface":
+        """The same connectivity with its vertices elsewhere (n, 3)."""
+        return Surface(np.array(vertices, np.float64), self.triangles, self.origin)
+
+    @cached_property
+    def area(self) -> float:
+        return float(geometry.areas(self.vertices, self.triangles).sum())
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Diagonal of the axis-aligned bounding box."""
+        return geometry.diagonal(self.vertices)
+
+    @cached_property
+    def multiplicity(self) -> Ints:
+        """How many of the mesh's vertices lie at each vertex (n,): one, but at seams and after a coarse rounding."""
+        return np.bincount(self.origin[self.origin >= 0], minlength=len(self.vertices)).astype(np.int64)
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """Centre of mass (3,) of the surface."""
+        return geometry.area_centroid(self.vertices, self.triangles)
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        return geometry.vertex_areas(self.vertices, self.triangles)
+
+    @cached_property
+    def vertex_area_vectors(self) -> Floats:
+        """Un-normalised, area-weighted vertex normals (n, 3)."""
+        return geometry.vertex_area_vectors(self.vertices, self.triangles)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Unit vertex normals (n, 3); zero where the triangles around a vertex cancel."""
+        return geometry.unit(self.vertex_area_vectors)
+
+    @cached_property
+    def neighbour_mean(self) -> sp.csr_array:
+        """The matrix D^-1 A (n, n) of the umbrella operator."""
+        return geometry.neighbour_mean(self.triangles, len(self.vertices))
+
+
+def mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) float64 and triangles (m, 3) int64 of an Open3D triangle mesh, as they are, copied."""
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        positions = mesh.vertex.positions.numpy()
+        if positions.dtype != np.float64:
+            raise MeshError(
+                "a tensor mesh with float32 positions is too coarse to carry a mark;"
+                " give its positions as float64, or a legacy TriangleMesh"
+            )
+        return positions.copy(), mesh.triangle.indices.numpy().astype(np.int64)
+    if not isinstance(mesh, o3d.geometry.TriangleMesh):
+        raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+    return np.array(mesh.vertices, np.float64), np.array(mesh.triangles, np.int64)
+
+
+def triangle_mesh(vertices: Floats, triangles: Ints) -> TriangleMesh:
+    """An Open3D mesh from vertices (n, 3) and triangles (m, 3)."""
+    return TriangleMesh(
+        o3d.utility.Vector3dVector(np.array(vertices, np.float64, order="C")),
+        o3d.utility.Vector3iVector(np.array(triangles, np.int32, order="C")),
+    )
+
+
+def point_cloud(points: Floats, normals: Floats | None = None) -> PointCloud:
+    """An Open3D point cloud from points (n, 3) and, if given, normals (n, 3)."""
+    cloud = PointCloud(o3d.utility.Vector3dVector(np.array(points, np.float64, order="C")))
+    if normals is not None:
+        cloud.normals = o3d.utility.Vector3dVector(np.array(normals, np.float64, order="C"))
+    return cloud
+
+
+def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
+    """A copy of ``mesh`` whose surface has its vertices at ``vertices`` (n, 3).
+
+    ``surface`` is Surface.of(mesh). Vertices that no triangle uses stay where they are; normals, where the mesh had
+    any, are computed anew; all other attributes are kept.
+    """
+    positions, _ = mesh_arrays(mesh)
+    used = surface.origin >= 0
+    positions[used] = vertices[surface.origin[used]]
+    marked = mesh.clone() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else TriangleMesh(mesh)
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        marked.vertex.positions = o3d.core.Tensor(positions)
+        return marked
+    marked.vertices = o3d.utility.Vector3dVector(positions)
+    if mesh.has_vertex_normals():
+        marked.compute_vertex_normals()
+    elif mesh.has_triangle_normals():
+        marked.compute_triangle_normals()
+    return marked
+
+
+def _check(vertices: Floats, triangles: Ints) -> None:
+    if not len(triangles):
+        raise MeshError(f"the mesh has {len(vertices)} vertices and no triangle")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        wrong = triangles.min() if triangles.min() < 0 else triangles.max()
+        raise MeshError(f"a triangle names vertex {wrong}, but the mesh has vertices 0 to {len(vertices) - 1}")
+    bad = ~np.isfinite(vertices).all(axis=1)
+    if bad.any():
+        raise MeshError(f"{bad.sum()} vertices have coordinates that are not finite; the first is {bad.argmax()}")
+
+
+def _proper(corners: Ints) -> NDArray[np.bool_]:
+    """True (m,) for triangles with three different corners, at the first appearance of their corner set."""
+    ordered = np.sort(corners, axis=1)
+    first = np.zeros(len(corners), bool)
+    first[geometry.distinct_rows(ordered)[0]] = True
+    a, b, c = ordered.T
+    return first & (a != b) & (b != c)

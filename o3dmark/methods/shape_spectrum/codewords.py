@@ -1,0 +1,77 @@
+"""Which codewords to go to: each bit has a whole comb of them, and the cheapest combination is wanted.
+
+The projections of a small mesh are not independent, so the nearest codeword of each is not the nearest of all. With
+``cost`` Q (K, K), the squared size of a change r is r' Q r; a closest-vector search over the combs makes it small.
+
+What a mark survives is told by its margin: how far a value stands from the border to codewords of the other bit. A
+longer step widens it, and costs motion; stopping short of the codewords saves motion, and costs margin.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from o3dmark.arrays import Floats
+from o3dmark.coding.scs import ScalarCosta
+from o3dmark.methods.shape_spectrum.lattice import closest_vectors
+
+_SWEEPS = 30
+_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the slack, tried where going all the way costs too much
+_SAVING = 1.4  # more than slack ever saves
+
+
+class Plan(NamedTuple):
+    """A ``change`` (K,) of the values that takes all of them to codewords of ``step``, but for a slack.
+
+    ``size`` is the RMS motion that it costs, by the cost matrix; ``margin`` the least distance left to the border.
+    """
+
+    step: float
+    change: Floats
+    size: float
+    margin: float
+
+
+def plans(
+    values: Floats, bits: Floats, dither: Floats, steps: Floats, cost: Floats, slack: float, limit: float
+) -> list[Plan]:
+    """Ways to write ``bits`` (K,) into ``values`` (K,) at a size below ``limit``, widest margin first.
+
+    ``dither`` (K,) in periods, ``slack`` in steps; ``cost`` (K, K) is symmetric and positive.
+    """
+    found: list[Plan] = []
+    for step in map(float, steps):
+        nearest = _nearest(ScalarCosta(step).codeword(values, bits, step * dither) - values, step, cost)
+        found += (plan for plan in _with_slack(nearest, step, cost, slack, limit) if plan.size <= limit)
+    return sorted(found, key=lambda plan: -plan.margin)
+
+
+def _with_slack(nearest: Floats, step: float, cost: Floats, slack: float, limit: float) -> Iterator[Plan]:
+    exact = Plan(step, nearest, _size(nearest, cost), 0.25 * step)
+    yield exact
+    if limit < exact.size < _SAVING * limit:
+        for reach in (slack * share for share in _SHARES):
+            change = _relaxed(nearest, reach * step, cost)
+            yield Plan(step, change, _size(change, cost), (0.25 - reach) * step)
+
+
+def _size(r: Floats, Q: Floats) -> float:
+    return float(np.sqrt(r @ Q @ r))
+
+
+def _nearest(r: Floats, step: float, Q: Floats) -> Floats:
+    """r + step z, z integers, with a small r' Q r."""
+    return r + step * closest_vectors(Q, -r / step).z[0]
+
+
+def _relaxed(r: Floats, reach: float, Q: Floats) -> Floats:
+    """r + e with |e| <= reach and the least (r + e)' Q (r + e), by cyclic coordinate descent."""
+    e = np.zeros_like(r)
+    pull = Q @ r
+    for _ in range(_SWEEPS if reach else 0):
+        for j, weight in enumerate(np.diag(Q)):
+            new = min(max(e[j] - pull[j] / weight, -reach), reach)
+            pull = pull + (new - e[j]) * Q[:, j]
+            e[j] = new
+    return r + e

@@ -1,0 +1,48 @@
+"""Reading values whose frame is a little off: robust Gauss-Newton over a few parameters, the motions.
+
+A value on a codeword of either bit stands at a multiple of half a period, so the nearest such multiple is the residual
+to explain, and neither the message nor any record of the embedding is needed. Many hypotheses are fitted at once.
+"""
+
+import numpy as np
+
+from o3dmark.arrays import Floats
+from o3dmark.coding.scs import coherence_log10p
+
+_WIDTHS = (0.14, 0.14, 0.10, 0.10, 0.10, 0.10, 0.10, 0.10)  # residuals expected, in periods, step by step
+_RANKED = 40  # readings whose p-value is worked out: those of the highest coherence
+
+
+def fit(u: Floats, jacobian: Floats, prior: Floats) -> tuple[Floats, Floats]:
+    """Values (h, K) in periods after the frame motions that bring them nearest to codewords, and log10 of the freedom.
+
+    ``jacobian`` (h, K, p): change of u by each motion; ``prior`` (h, p, p): covariance of the motions expected. The
+    freedom (h,) is the number of independent readings within the prior, which a p-value is to be multiplied by:
+    the root of det(I + prior J' J / width^2).
+    """
+    precision = np.linalg.inv(prior)
+    motion = np.zeros((len(u), jacobian.shape[-1]))
+    for width in _WIDTHS:
+        r = u + np.einsum("hkp,hp->hk", jacobian, motion)
+        r -= np.rint(2.0 * r) / 2.0
+        weight = np.cos(2.0 * np.pi * r) ** 2 / width**2
+        weighted = jacobian * weight[:, :, None]
+        curvature = np.einsum("hkp,hkq->hpq", weighted, jacobian) + precision
+        slope = np.einsum("hkp,hk->hp", weighted, r) + np.einsum("hpq,hq->hp", precision, motion)
+        motion -= np.linalg.solve(curvature, slope[:, :, None])[:, :, 0]
+    information = np.einsum("hkp,hkq->hpq", jacobian, jacobian) / _WIDTHS[-1] ** 2
+    _, log_det = np.linalg.slogdet(np.eye(prior.shape[-1]) + prior @ information)
+    return u + np.einsum("hkp,hp->hk", jacobian, motion), 0.5 * log_det / np.log(10.0)
+
+
+def significance(u: Floats, n_bits: int, freedom: Floats | float = 0.0) -> Floats:
+    """log10 of the p-value (h,) of values u (h, K) in periods; projection j carries bit j modulo ``n_bits``.
+
+    0 for readings that are not among the 40 most coherent.
+    """
+    vectors = np.exp(2j * np.pi * u).reshape(len(u), -1, n_bits).sum(axis=1)
+    agreement = (vectors**2).real.sum(axis=1)
+    best = np.argsort(-agreement)[:_RANKED]
+    log_p = np.zeros(len(u))
+    log_p[best] = np.minimum(coherence_log10p(vectors[best]) + np.broadcast_to(freedom, len(u))[best], 0.0)
+    return log_p

@@ -1,0 +1,94 @@
+"""Moments of a solid or of its surface, from the triangles, and how they answer to moving a vertex.
+
+``volume`` moments integrate over the solid (divergence theorem), ``area`` moments over its surface. Polynomials up to
+the third degree are integrated exactly: for a linear form that is a, b, c at the corners (and 0 at the origin),
+
+    integral of l^n over the tetrahedron = 6 V n! / (n + 3)! h_n(a, b, c),    over the triangle = 2 A n! / (n + 2)! h_n
+
+with h_n the complete homogeneous symmetric polynomial.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from o3dmark.arrays import Floats
+from o3dmark.mesh import geometry
+from o3dmark.solid.solid import Solid
+
+Measure: TypeAlias = Literal["volume", "area"]
+_MANY = 40_000  # triangles, from which on one point in each is accurate
+_STEP = 1e-4  # of finite differences, in units of the frame
+
+
+def moments(solid: Solid, measure: Measure, origin: Floats | float = 0.0) -> tuple[float, Floats, Floats]:
+    """Mass, first moment (3,) and second moment (3, 3) about ``origin`` (3,)."""
+    a, b, c = (solid.vertices - origin)[solid.triangles.T]
+    size, whole = _sizes(solid, measure, a), a + b + c
+    second = sum((size * x.T) @ x for x in (whole, a, b, c))
+    bulk = measure == "volume"
+    return float(size.sum()), size @ whole / (4.0 if bulk else 3.0), np.asarray(second / (20.0 if bulk else 12.0))
+
+
+def third_moments(seen: Solid, measure: Measure) -> Floats:
+    """Skewness (3,) along each coordinate axis: mean of x^3 over that of x^2 to the power 3/2, ``seen`` centred."""
+    a, b, c = seen.vertices[seen.triangles.T]
+    size, p1 = _sizes(seen, measure, a), a + b + c
+    p2, p3 = a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
+    cube = size @ (p1 * p1 * p1 + 3.0 * p1 * p2 + 2.0 * p3) / 6.0 / (20.0 if measure == "volume" else 10.0)
+    mass, _, second = moments(seen, measure)
+    return np.asarray(cube / mass / (np.diag(second) / mass) ** 1.5)
+
+
+def complex_moment(seen: Solid, measure: Measure, function: Callable[[Floats], NDArray[Any]], degree: int) -> complex:
+    """The integral of a homogeneous polynomial of that degree, by nine points a triangle, or one if they are many."""
+    weights, barycentric = _gauss(3 if len(seen.triangles) < _MANY else 1)
+    points = np.einsum("gc,mcd->gmd", barycentric, seen.vertices[seen.triangles])
+    if measure == "area":
+        return complex(weights @ function(points) @ seen.areas)
+    # div(f x) = (degree + 3) f, and x . a is the same all over a triangle
+    size = np.einsum("md,md->m", seen.area_vectors, seen.vertices[seen.triangles[:, 0]])
+    return complex(weights @ function(points) @ size / (degree + 3))
+
+
+def response(
+    seen: Solid, normals: Floats, measure: Measure, function: Callable[[Floats], NDArray[Any]]
+) -> NDArray[Any]:
+    """The change (n_mesh, d) of the integral of ``function`` (..., 3) -> (..., d) as a vertex moves along its normal.
+
+    Lumped at the vertices: exact in the limit of small triangles.
+    """
+    n = len(seen.free)
+    x = seen.vertices[:n]
+    if measure == "volume":
+        return np.asarray(function(x) * np.einsum("vd,vd->v", seen.vertex_area_vectors, normals)[:, None])
+    slope = (function(x + _STEP * normals) - function(x - _STEP * normals)) / (2.0 * _STEP)
+    total = slope * seen.vertex_areas[:, None]
+    face = geometry.unit(seen.area_vectors)
+    middle = function(seen.vertices[seen.triangles].mean(axis=1))
+    for corner in range(3):  # the gradient of a triangle's area at a corner is half the opposite edge, turned inward
+        v, a, b = (seen.triangles[:, (corner + i) % 3] for i in range(3))
+        mine = v < n
+        gradient = 0.5 * np.cross(face[mine], (seen.vertices[b] - seen.vertices[a])[mine])
+        grow = np.einsum("md,md->m", gradient, normals[v[mine]])
+        np.add.at(total, v[mine], grow[:, None] * middle[mine])
+    return np.asarray(total)
+
+
+def _sizes(solid: Solid, measure: Measure, corner: Floats) -> Floats:
+    """Areas (m,), or the signed volumes of the tetrahedra of triangles and origin; ``corner`` (m, 3) from there."""
+    if measure == "area":
+        return solid.areas
+    return np.einsum("md,md->m", solid.area_vectors, corner) / 3.0
+
+
+def _gauss(order: int) -> tuple[Floats, Floats]:
+    """Weights (order^2,) of sum one and barycentric coordinates (order^2, 3): Gauss' rule on the square, collapsed."""
+    if order == 1:
+        return np.ones(1), np.full((1, 3), 1.0 / 3.0)
+    x, w = np.polynomial.legendre.leggauss(order)
+    u, v = np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0), indexing="ij")
+    weights = np.outer(w, w) / 2.0 * (1.0 - u)
+    return weights.ravel(), np.stack([u, (1.0 - u) * v, (1.0 - u) * (1.0 - v)], axis=-1).reshape(-1, 3)
