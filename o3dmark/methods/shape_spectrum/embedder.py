@@ -13,7 +13,7 @@ from o3dmark.arrays import Floats
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.projections import Projections
-from o3dmark.solid.frame import rules
+from o3dmark.solid.frame import FRAME_2026, rules
 from o3dmark.solid.solid import Solid, samples
 from o3dmark.solid.spectrum import Band, Spectrum
 
@@ -38,7 +38,7 @@ class Cover:
     def __init__(self, projections: Projections, surface: Surface, solid: Solid, mask: Floats | None = None) -> None:
         self.projections, self.surface, self.solid = projections, surface, solid
         self._mask = np.ones(len(surface.vertices)) if mask is None else mask
-        self.rule = rules(self.solid)[0]
+        self.rule = rules(self.solid, FRAME_2026)[0]
         self.frame = self.rule.frames(self.solid)[0]
         self.normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
         self._seen = self.frame.solid(self.solid)
@@ -49,13 +49,13 @@ class Cover:
     def response(self) -> Floats:
         """Change of each projection as each vertex moves by one unit of the frame along its normal: (K, n)."""
         frame = self.rule.response(self.solid, self.frame, self.normals)
-        return self._direct + (self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.free
+        return self._direct + (self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.movable
 
     @cached_property
     def _direct(self) -> Floats:
         """The same in a fixed frame."""
         normals = self.frame.directions(self.normals)
-        return _direct_response(self.projections, self._seen, normals) * self.solid.free
+        return _direct_response(self.projections, self._seen, normals) * self.solid.movable
 
     @cached_property
     def _mobility(self) -> Floats:
@@ -64,7 +64,7 @@ class Cover:
         Times the mask.
         """
         area = self._seen.vertex_areas
-        return np.where(self.solid.free, self._mask / np.maximum(area, 1e-3 * area.mean()), 0.0)
+        return np.where(self.solid.movable, self._mask / np.maximum(area, 1e-3 * area.mean()), 0.0)
 
     @property
     def _ways(self) -> Floats:
@@ -124,7 +124,7 @@ class Cover:
 
 def _direct_response(projections: Projections, seen: Solid, normals: Floats) -> Floats:
     """Change of the projections (K, n) in a fixed frame: the integral of each function times a vertex's motion."""
-    n = len(seen.free)
+    n = len(seen.movable)
     if len(seen.triangles) > _MANY:
         lumped = np.einsum("vd,vd->v", seen.vertex_area_vectors, normals)
         return projections.functions(seen.vertices[:n]) * lumped

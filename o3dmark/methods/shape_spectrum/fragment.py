@@ -184,7 +184,7 @@ def _gaps(host: _Host, change: Floats, laid: _Points, flows: Floats) -> _Gaps:
     face = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles))[near.triangle]
     normal = _directions(offset, share, face, surface.normals[corners], 1e-9 * surface.diagonal)
     kept = (near.distance < _FAR * surface.diagonal) & (np.einsum("qd,qd->q", laid.normals, face) > _ALIKE)
-    kept &= host.cover.solid.free[corners].all(axis=1)
+    kept &= host.cover.solid.movable[corners].all(axis=1)
     normal, corners, points = normal[kept], corners[kept], laid.positions[kept]
     speed = share[kept] * np.einsum("qcd,qd->qc", host.normals[corners], normal)
     functions, flowing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (host.cover.motions, flows))

@@ -22,7 +22,7 @@ from o3dmark.mesh.smoothing import Transfer, Unfilter, humphrey, taubin, umbrell
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.embedder import spectrum_of
 from o3dmark.methods.shape_spectrum.projections import Projections
-from o3dmark.solid.frame import Frame, Rule, rules
+from o3dmark.solid.frame import FRAME_2026, Frame, FrameRule, rules
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
 
@@ -148,7 +148,7 @@ class Sights:
     def _rounds(self) -> Iterator[tuple[Sequence[Sight | Path], bool]]:
         solid = Solid.of(self.received)
         try:
-            choices = rules(solid)
+            choices = rules(solid, FRAME_2026)
         except MeshError:
             return
         rule, frames = choices[0], choices[0].frames(solid)
@@ -157,7 +157,7 @@ class Sights:
         yield [first], False
         if not self.search:
             return
-        doubts = rule.doubts(solid, frames)
+        doubts = rule.ambiguities(solid, frames)
         yield [replace(first, symmetry=symmetry) for symmetry in doubts], True
         if len(self.received.triangles) < _COARSE:
             yield [replace(s, symmetry=symmetry) for s in self._bulging(rule, first) for symmetry in doubts], True
@@ -172,15 +172,15 @@ class Sights:
             if abrupt and smoothing.dense:
                 yield list(self._anew(basis, solid, path, smoothing, doubts)), True
 
-    def _sight(self, rule: Rule, solid: Solid, frame: Frame) -> Sight:
+    def _sight(self, rule: FrameRule, solid: Solid, frame: Frame) -> Sight:
         seen = frame.solid(solid)
-        normals = geometry.unit(solid.vertex_area_vectors) * solid.free[:, None]
+        normals = geometry.unit(solid.vertex_area_vectors) * solid.movable[:, None]
         response = rule.response(solid, frame, normals)
         doubt = np.zeros((8, 8))
         doubt[:7, :7] = response @ response.T / np.sum(seen.vertex_areas**2)
         return Sight(frame, spectrum_of(self.band, seen, gradient=True), doubt)
 
-    def _bulging(self, rule: Rule, first: Sight) -> Iterator[Sight]:
+    def _bulging(self, rule: FrameRule, first: Sight) -> Iterator[Sight]:
         """What a mesh that has lost vertices looked like: its surface may bulge between those that are left."""
         solid = Solid.of(curved(self.received))
         spectrum = spectrum_of(self.band, rule.near(solid, first.frame).solid(solid))
@@ -195,7 +195,7 @@ class Sights:
         return float(np.sqrt(area @ np.sum(motion**2, axis=1) / area.sum())) / 2.0 / self.received.diagonal
 
     def _unsmoothed(
-        self, basis: Unfilter, solid: Solid, rule: Rule, first: Sight, smoothing: _Smoothing
+        self, basis: Unfilter, solid: Solid, rule: FrameRule, first: Sight, smoothing: _Smoothing
     ) -> dict[int, Sight]:
         """The solid as received and before the numbers of passes in ``nodes``, until it grows rough.
 
@@ -221,13 +221,13 @@ class Sights:
         for n, sight in itertools.islice(path.items(), 1, None):
             before = solid.moved(basis.undo(smoothing.transfer(n), smoothing.gain))
             try:
-                rule = rules(before)[0]
+                rule = rules(before, FRAME_2026)[0]
             except MeshError:
                 continue
             frames = rule.frames(before)
             if not _same(frames[0], sight.frame, symmetries):
                 seen = replace(self._sight(rule, before, frames[0]), note=f"smoothed {n} times ({smoothing.name})")
-                yield from (replace(seen, symmetry=symmetry) for symmetry in rule.doubts(before, frames))
+                yield from (replace(seen, symmetry=symmetry) for symmetry in rule.ambiguities(before, frames))
 
 
 def _turned(path: dict[int, Sight], symmetry: Floats, name: str) -> Path:

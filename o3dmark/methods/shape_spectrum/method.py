@@ -172,7 +172,7 @@ class ShapeSpectrum(Method):
 
 
 def _room(solid: Solid) -> int:
-    return min(_MOST_BITS, int(solid.free.sum()) // _VERTICES_A_BIT)
+    return min(_MOST_BITS, int(solid.movable.sum()) // _VERTICES_A_BIT)
 
 
 def _surface(mesh: Any) -> Surface:
