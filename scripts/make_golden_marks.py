@@ -28,9 +28,9 @@ import numpy as np
 import o3dmark
 from o3dmark import PROFILES, SHAPES, Key, Surface, Watermark, attack_all, read_mesh
 from o3dmark.files import replacing
-from o3dmark.frame import rules
-from o3dmark.mesh import TriangleMesh, mesh_arrays, triangle_mesh
-from o3dmark.solid import Solid
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.solid.frame import FRAME_2026, rules
+from o3dmark.solid.solid import Solid
 from o3dmark.watermark import parse_bits
 
 ROOT = Path(__file__).parent.parent
@@ -89,7 +89,7 @@ class Golden:
             extraction, log10_p = reading.extraction, reading.decoded.log10_p
         assert self.note in extraction.note or not self.has_frame, extraction.note
         if self.has_frame:
-            kinds = [(rule.measure, rule.turn is not None) for rule in rules(Solid.of(Surface.of(mesh)))]
+            kinds = [(rule.measure, rule.moment is not None) for rule in rules(Solid.of(Surface.of(mesh)), FRAME_2026)]
             assert kinds == [(self.measure, self.turned)], f"its frames are {kinds}"
         return log10_p, extraction.note
 
@@ -189,7 +189,11 @@ GOLDENS = {
         note="mirrored",
     ),
     "smoothed": Golden(
-        "smoothed 20 times", "cat:vertices=1000", message="soft", attacks=("smooth:iterations=20",), note="(umbrella)"
+        "smoothed 20 times",
+        "cat:vertices=1000",
+        message="soft",
+        attacks=("smooth:iterations=20",),
+        note="umbrella smoothing undone",
     ),
 }
 
