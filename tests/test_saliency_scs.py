@@ -1,11 +1,11 @@
 """The paper's method: its order, its three synchronisations, and the theorems that the blind one rests on."""
 
-import hashlib
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fixtures.shapes import bits_of
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
@@ -15,7 +15,7 @@ from o3dmark.methods.saliency_scs import LADDER, Guess, SaliencySCS, Spherical
 from o3dmark.metrics.distance import surface_distance
 from o3dmark.registry import spec_of
 
-BITS = np.unpackbits(np.frombuffer(hashlib.sha256(b"bits").digest(), np.uint8))
+BITS = bits_of(0, 256)
 
 
 def test_spherical_coordinates_give_the_vertices_back(spot: Any) -> None:
