@@ -80,8 +80,8 @@ def counted(mark: Watermark, mesh: Any, keys: int) -> dict[str, Any]:
 def reader(mark: Watermark, mesh: Any) -> Callable[[Key], Extraction]:
     """Reads a mesh with one key after the other; what does not depend on the key is worked out once, if it can be."""
     if isinstance(mark.method, ShapeSpectrum):
-        method, sights = mark.method, mark.method.sights(mesh)
-        return lambda key: method.reader(mark.n_bits, key).read(sights)
+        method, sights = mark.method, mark.method.observe(mesh)
+        return lambda key: method.decoder(mark.n_bits, key).read(sights)
     return lambda key: mark.extract_bits(mesh, key)
 
 

@@ -11,7 +11,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.methods import METHODS
-from o3dmark.methods.saliency_scs import LADDER, Guess, SaliencySCS, Spherical
+from o3dmark.methods.saliency_scs import FORMATS, Guess, SaliencySCS, Spherical
 from o3dmark.metrics.distance import surface_distance
 from o3dmark.registry import spec_of
 
@@ -106,7 +106,7 @@ def test_sphere_reads_16_bits_blindly_after_the_benchmarks_attacks(carrier: Any,
     attacked = attack_all(method.embed(carrier, BITS[:16], key), [attack], 5)
     extraction = method.extract(attacked, 16, key)
     np.testing.assert_array_equal(extraction.bits, BITS[:16])
-    assert extraction.hypotheses % len(LADDER) == 0
+    assert extraction.hypotheses % len(FORMATS["2026"].steps) == 0
 
 
 def test_a_step_handed_over_is_one_hypothesis(carrier: Any, key: Key) -> None:
