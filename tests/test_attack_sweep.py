@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from conftest import GOLDEN, ROOT
+from fixtures.paths import GOLDEN, ROOT
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import BackendError
 from o3dmark.files import write_mesh

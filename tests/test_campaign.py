@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
 from o3dmark.campaign import Campaign, Ledger, load, process_pool, read_rows, run, run_job, trial
 from o3dmark.campaign import job as job_module
 from o3dmark.coding.keys import Key

@@ -8,9 +8,9 @@ import struct
 
 import numpy as np
 import pytest
-from test_files import ascii_ply, binary_ply
-from test_geometry import icosphere
 
+from fixtures.ply import ascii_ply, binary_ply
+from fixtures.shapes import icosphere
 from o3dmark.errors import MeshError, O3dmarkError
 from o3dmark.files import FORMATS, read_mesh, read_shape
 from o3dmark.mesh.saliency import Saliency

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from o3dmark.arrays import Floats
+from fixtures.shapes import rotation
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import Surface
@@ -29,11 +29,6 @@ def solid(spot: object) -> Solid:
     surface = Surface.of(spot)
     x, y, z = surface.vertices.T
     return Solid.of(surface.moved(np.stack([x + 0.3 * y**2 + 0.2 * z * x, y + 0.1 * x, z + 0.2 * x], axis=1)))
-
-
-def rotation(seed: int) -> Floats:
-    q, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))
-    return q * np.sign(np.linalg.det(q))
 
 
 @pytest.mark.parametrize("rule", RULES, ids=str)
