@@ -1,18 +1,18 @@
-"""The rows of a campaign on disk: DIR/rows.jsonl, one JSON object a line, to which whole jobs are appended.
+"""The rows of a running campaign on disk: DIR/rows.jsonl, one JSON object a line, to which whole jobs are appended.
 
 Whatever moment the process dies, the next one finds a prefix of what was written: it keeps the jobs whose rows are all
-there and drops the rest, so that no row is lost or doubled.
+there and drops the rest, so that no row is lost or doubled. A compact folder becomes one that grows again.
 """
 
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from o3dmark.campaign.plan import Job
+from o3dmark.campaign.row import LINES, TABLE, Row, read_rows
 from o3dmark.errors import BackendError, SpecError
 from o3dmark.files import replacing
 
@@ -20,8 +20,6 @@ try:
     from fcntl import LOCK_EX, LOCK_NB, flock
 except ImportError:  # no such lock on this system: two campaigns in one folder are the user's affair
     flock = None  # type: ignore[assignment]
-
-ROWS = "rows.jsonl"
 
 
 class Ledger:
@@ -31,7 +29,7 @@ class Ledger:
     """
 
     def __init__(self, directory: str | Path, jobs: Iterable[Job]) -> None:
-        self._path = Path(directory) / ROWS
+        self._path = Path(directory) / LINES
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o644)
         try:
@@ -42,9 +40,9 @@ class Ledger:
             os.close(self._lock)
             raise
 
-    def append(self, rows: list[dict[str, Any]]) -> None:
+    def append(self, rows: Iterable[Row]) -> None:
         """Add the rows of one job; they are on the disk when this returns."""
-        data = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
+        data = _text(rows).encode()
         while data:
             data = data[os.write(self._file, data) :]
         os.fsync(self._file)
@@ -71,32 +69,20 @@ class Ledger:
 
     def _recover(self, sizes: dict[str, int]) -> set[str]:
         rows = list(read_rows(self._path.parent))
-        counts = Counter(row.get("job", "") for row in rows)
+        counts = Counter(row.job for row in rows)
         if foreign := counts.keys() - sizes.keys():
             raise SpecError(
                 f"{self._path.parent} holds rows of {len(foreign)} jobs that are not in this campaign;"
                 " choose another --out"
             )
         done = {job for job, count in counts.items() if count == sizes[job]}
-        text = "".join(json.dumps(row) + "\n" for row in rows if row.get("job") in done)
-        if self._path.exists() and self._path.read_text(encoding="utf-8") != text:
+        text = _text(row for row in rows if row.job in done)
+        if rows and not (self._path.exists() and self._path.read_text(encoding="utf-8") == text):
             with replacing(self._path) as draft:
                 draft.write_text(text, encoding="utf-8")
+        self._path.with_name(TABLE).unlink(missing_ok=True)
         return done
 
 
-def read_rows(directory: str | Path) -> Iterator[dict[str, Any]]:
-    """The rows of a folder; a last line that was never finished is left out, no file means no row."""
-    path = Path(directory) / ROWS
-    if not path.exists():
-        return
-    with path.open(encoding="utf-8") as lines:
-        for number, line in enumerate(lines, start=1):
-            try:
-                row = json.loads(line)
-            except ValueError:
-                if line.endswith("\n"):
-                    raise SpecError(f"{path}, line {number}: not a row") from None
-                return
-            if line.endswith("\n"):
-                yield row
+def _text(rows: Iterable[Row]) -> str:
+    return "".join(json.dumps(row.to_dict(), allow_nan=False) + "\n" for row in rows)

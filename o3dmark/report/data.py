@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from o3dmark.campaign import Campaign, load, read_rows
-from o3dmark.campaign.plan import STRANGER, UNTOUCHED
+from o3dmark.campaign.plan import UNTOUCHED
+from o3dmark.campaign.row import WRONG_KEY as STRANGER
 from o3dmark.errors import SpecError
 
 Row = dict[str, Any]
@@ -37,8 +38,9 @@ class Results:
     @classmethod
     def load(cls, directory: str | Path) -> "Results":
         """What is in a folder. Errors: SpecError when it holds no campaign or no row."""
-        campaign, about = load(directory)
-        rows = tuple(read_rows(directory))
+        campaign, runs = load(directory)
+        about = asdict(runs[-1]) if runs else {}
+        rows = tuple(row.to_dict() for row in read_rows(directory))
         if not rows:
             raise SpecError(f"{directory} holds no rows yet; run `o3dmark bench` first")
         return cls(campaign, about, rows)

@@ -6,21 +6,21 @@ marked, once, and put through the gallery's attacks. One mesh alone gets picture
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.image import imsave
 
 from o3dmark.arrays import Floats
-from o3dmark.campaign import Case, Job, Source, Trial, trial
-from o3dmark.campaign.job import attacked, cover_of
+from o3dmark.campaign import Case, Job, Source, Specimen, specimen
 from o3dmark.campaign.plan import UNTOUCHED
+from o3dmark.campaign.saliency_rank import rank_correlation
+from o3dmark.campaign.specimen import cover_of
 from o3dmark.errors import O3dmarkError
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.report.content import Cell, Picture, Section, Table, number
 from o3dmark.report.data import Results, Row, corr, mean
-from o3dmark.report.rank import rank_correlation
 from o3dmark.view import render
 
 SIZE = (360, 330)  # pixels
@@ -51,7 +51,9 @@ class Model:
 
 def gallery_sections(results: Results) -> Iterator[Section]:
     """Saliency of every mesh; those marked; one mesh after every attack; its saliency before and after them."""
-    wish = results.campaign.gallery or {}
+    wish = (
+        {} if results.campaign.gallery is None else {"method": results.campaign.main} | asdict(results.campaign.gallery)
+    )
     jobs = _jobs(results, wish)
     subject = SUBJECT if SUBJECT in jobs else next(iter(jobs), "")
     attacks = {*wish.get("attacks", ())}
@@ -113,7 +115,7 @@ def _model(results: Results, mesh: Source, job: Job | None, cases: list[Case], s
         return Model(mesh.name, picture)
     rows = [row for row in results.rows if row["job"] == job.id]
     try:
-        marked = trial(job)
+        marked = specimen(job)
     except Exception as error:  # ours or a library's: the report goes on, as the campaign did
         return Model(mesh.name, picture, (Picture(f"{mesh.name}: not marked", b"", str(error)),))
     pair = (
@@ -121,13 +123,13 @@ def _model(results: Results, mesh: Source, job: Job | None, cases: list[Case], s
         _picture(f"{mesh.name}, marked", marked.marked, _marked_caption(rows), frame=cover),
     )
     drawn = mesh.name == subject
-    return Model(mesh.name, picture, pair, tuple(_after(marked, saliency, rows, job, case, drawn) for case in cases))
+    return Model(mesh.name, picture, pair, tuple(_after(marked, saliency, rows, case, drawn) for case in cases))
 
 
-def _after(marked: Trial, before: Floats, rows: list[Row], job: Job, case: Case, drawn: bool) -> After:
+def _after(marked: Specimen, before: Floats, rows: list[Row], case: Case, drawn: bool) -> After:
     title = "marked" if case is MARKED else f"{case.group} {case.condition}"
     try:
-        mesh = attacked(marked, case, job.seed)
+        mesh = marked.attacked(case)
         saliency = Saliency()(mesh)
         rank = rank_correlation(marked.cover, before, mesh, saliency)
         if not drawn:

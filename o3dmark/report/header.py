@@ -25,9 +25,8 @@ def facts(results: Results) -> dict[str, str]:
 
 
 def tiles(results: Results) -> dict[str, Cell]:
-    """The headline figures of the campaign's first contestant, the one that the gallery shows if it names one."""
-    chosen = (results.campaign.gallery or {}).get("method")
-    who = next((each for each in results.contestants if each.label == chosen), results.contestants[0])
+    """The headline figures of the campaign's main contestant."""
+    who = next((each for each in results.contestants if each.label == results.campaign.main), results.contestants[0])
     shown = {"method": Cell(who.name, results.campaign.methods[who.label])} | _agreement(results, who)
     messages = [row["message_ok"] for row in results.attacked(who) if row["message_ok"] is not None]
     if messages:
