@@ -203,8 +203,8 @@ def surface_or_refusal(path):
     assert np.isfinite(surface.vertices).all()
     assert surface.area > 0
     assert 0 <= surface.triangles.min() <= surface.triangles.max() == len(surface.vertices) - 1
-    assert -1 <= surface.origin.min() <= surface.origin.max() == len(surface.vertices) - 1
-    assert len(surface.origin) == len(mesh.vertices)
+    assert -1 <= surface.vertex_map.min() <= surface.vertex_map.max() == len(surface.vertices) - 1
+    assert len(surface.vertex_map) == len(mesh.vertices)
     return mesh, surface
 
 

@@ -22,6 +22,7 @@ from o3dmark.methods.shape_spectrum.fit import fit, log10_p
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
+from o3dmark.solid.frame import FRAME_2026
 from o3dmark.solid.solid import Solid, normal_rms
 from o3dmark.solid.spectrum import Band
 
@@ -252,7 +253,7 @@ def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleM
     for secret, search in ((key, True), (Key(bytes(32)), False)):
         projections = METHOD.projections(secret, 32)
         flipped = replace(projections, dither=projections.dither + 0.5 * (np.arange(32) % 3 == 0))
-        hypotheses = Hypotheses(smooth, METHOD.band, search=search)
+        hypotheses = Hypotheses(smooth, METHOD.band, FRAME_2026, search=search)
         one, other = (Decoder(each, METHOD.steps(32), 32, 5e-4).read(hypotheses) for each in (projections, flipped))
         assert one.note == other.note
         assert one.hypotheses == other.hypotheses

@@ -20,7 +20,7 @@ def volume(solid: Solid) -> float:
 def test_a_good_mesh_is_left_alone(surface: Surface) -> None:
     solid = Solid.of(surface)
     assert np.array_equal(solid.triangles, surface.triangles)
-    assert solid.free.all()
+    assert solid.movable.all()
 
 
 def test_winding_is_repaired_whatever_it_was(surface: Surface) -> None:
@@ -82,13 +82,13 @@ def test_non_manifold_edges_are_closed_too(surface: Surface) -> None:
     vertices = np.concatenate([surface.vertices, surface.vertices[[a]] * 1.3])
     solid = Solid.of(Surface.from_arrays(vertices, np.concatenate([surface.triangles, fin])))
     assert not len(boundary(solid.triangles, len(solid.vertices))[0])
-    assert not solid.free[[a, b]].any()
+    assert not solid.movable[[a, b]].any()
 
 
 def test_moving_free_vertices_leaves_the_fans_where_they_are(surface: Surface) -> None:
     open_surface = Surface.from_arrays(surface.vertices, surface.triangles[40:])
     solid = Solid.of(open_surface)
-    moved = open_surface.vertices + 1e-4 * solid.free[:, None]
+    moved = open_surface.vertices + 1e-4 * solid.movable[:, None]
     again = Solid.of(open_surface.moved(moved))
     assert np.array_equal(again.vertices, solid.moved(moved).vertices)
     assert np.array_equal(again.triangles, solid.triangles)
@@ -125,6 +125,6 @@ def test_the_normal_rms_of_inflating_a_sphere_is_the_step() -> None:
     a, b, c, d = 100 * i + j, 100 * i + 100 + j, 100 * i + 100 + (j + 1) % 100, 100 * i + (j + 1) % 100
     triangles = np.concatenate([np.stack(x, axis=-1).reshape(-1, 3) for x in ((a, b, c), (a, c, d))])
     solid = Solid.of(Surface.from_arrays(v, triangles))
-    points = solid.vertices[: len(solid.free)]
+    points = solid.vertices[: len(solid.movable)]
     assert normal_rms(solid, 0.01 * points) == pytest.approx(0.01, rel=1e-2)
     assert normal_rms(solid, np.cross([0.0, 0.0, 0.01], points)) < 1e-3

@@ -11,16 +11,18 @@ from types import MappingProxyType
 import numpy as np
 
 from o3dmark.arrays import Floats
+from o3dmark.solid.frame import FRAME_2026, FrameFormat
 
 
 @dataclass(frozen=True)
 class SpectrumFormat:
-    """The agreement: how many projections there are, and which quantisation steps.
+    """The agreement: what decides the frame, how many projections there are, and which quantisation steps.
 
     The steps form a ladder, each ``ratio`` times the next; the step in its middle, ``top`` rungs below the largest, is
     ``unit`` times the target distortion over the root of the number of values, which have that distortion to share.
     """
 
+    frame: FrameFormat
     ratio: float
     top: int
     unit: float
@@ -44,6 +46,6 @@ FORMATS = MappingProxyType(
     {
         # 7 % a rung: half a rung off costs 3.5 % of the margin. 32 projections: fewer cannot tell eight parameters of
         # the frame from bits. 265: about the step that 5.8e-4 buys for 64 bits on bimba.
-        "2026": SpectrumFormat(ratio=1.07, top=14, unit=265.0, min_projections=32),
+        "2026": SpectrumFormat(frame=FRAME_2026, ratio=1.07, top=14, unit=265.0, min_projections=32),
     }
 )

@@ -188,7 +188,7 @@ def _correspondences(model: _CoverModel, change: Floats, aligned: _Points, modes
     normal = _directions(offset, share, face, surface.normals[corners], 1e-9 * surface.diagonal)
     kept = near.distance < _MAX_DISTANCE * surface.diagonal
     kept &= np.einsum("qd,qd->q", aligned.normals, face) > _MIN_COSINE
-    kept &= model.cover.solid.free[corners].all(axis=1)
+    kept &= model.cover.solid.movable[corners].all(axis=1)
     normal, corners, points = normal[kept], corners[kept], aligned.positions[kept]
     speed = share[kept] * np.einsum("qcd,qd->qc", model.normals[corners], normal)
     functions, smoothing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (model.cover.basis, modes))

@@ -122,7 +122,7 @@ class ShapeSpectrum(Method):
             return mesh
         is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
         surface = surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
-        return Hypotheses(surface, self.band, search=self.search)
+        return self._hypotheses(surface)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the boundary, up to 128."""
@@ -146,20 +146,22 @@ class ShapeSpectrum(Method):
         if n_bits > (fits := _room(solid)):
             raise CapacityError(n_bits, fits, f"{_VERTICES_PER_BIT} vertices off the boundary a bit")
         mask = None if self.mask == "none" else _mask(surface)
-        return Cover(self.projections(key, n_bits), surface, solid, mask)
+        return Cover(self.projections(key, n_bits), surface, solid, FORMATS[self.format].frame, mask)
 
     def decoder(self, n_bits: int, key: Key) -> Decoder:
         """What reads a key's bits from the hypotheses about any mesh."""
         expected = _EXPECTED_STEP * FORMATS[self.format].share(self.mrms, n_bits)
         return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected)
 
+    def _hypotheses(self, received: Surface) -> Hypotheses:
+        return Hypotheses(received, self.band, FORMATS[self.format].frame, search=self.search)
+
     def _reads(self, marked: Surface, message: Bits, key: Key) -> bool:
-        hypotheses = Hypotheses(marked, self.band, search=self.search)
-        return np.array_equal(self.decoder(len(message), key).read(hypotheses).bits, message)
+        return np.array_equal(self.decoder(len(message), key).read(self._hypotheses(marked)).bits, message)
 
 
 def _room(solid: Solid) -> int:
-    return min(_MAX_BITS, int(solid.free.sum()) // _VERTICES_PER_BIT)
+    return min(_MAX_BITS, int(solid.movable.sum()) // _VERTICES_PER_BIT)
 
 
 def _mask(surface: Surface) -> Floats:

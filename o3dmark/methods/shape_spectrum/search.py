@@ -19,14 +19,14 @@ from o3dmark.mesh.smoothing import Transfer, Unfilter, humphrey, taubin, umbrell
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._remembered import Remembered
 from o3dmark.methods.shape_spectrum.hypotheses import PASSES, FrameHypothesis, SmoothingSweep
-from o3dmark.solid.frame import Frame, Rule, rules
+from o3dmark.solid.frame import Frame, FrameFormat, FrameRule, rules
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
 
-_MAX_COARSE = 20_000  # triangles, below which the surface may be a simplified one
+_MAX_COARSE = 20_000  # triangles; a mark on 112 642 vertices was still read through bulges after remeshing to fewer
 _ABRUPT = 3e-4  # RMS motion in a pass of smoothing, over the diagonal, above which every pass is worked out
-_BULGES = np.arange(0.0, 1.0, 0.125)  # where to start from: the share of the fully curved surface's bulging
-_MAX_AREA_GROWTH = 2.5  # unsmoothing that makes the area grow by more than this has gone too far
+_BULGES = np.arange(0.0, 1.0, 0.125)  # shares of full bulging to start from; 0.125 to 0.625 read simplified meshes
+_MAX_AREA_GROWTH = 2.5  # unsmoothing that makes the area grow by more has gone too far
 _MIRRORS = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=3)]
 
 
@@ -71,8 +71,8 @@ class Hypotheses:
     shape has little to integrate.
     """
 
-    def __init__(self, received: Surface, band: Band, *, search: bool = True) -> None:
-        self.received, self.band, self.search = received, band, search
+    def __init__(self, received: Surface, band: Band, form: FrameFormat, *, search: bool = True) -> None:
+        self.received, self.band, self.search, self._form = received, band, search, form
         self.area_diagonal_ratio = 1.0
         self._found = Remembered(self._rounds())
 
@@ -82,7 +82,7 @@ class Hypotheses:
     def _rounds(self) -> Iterator[Round]:
         solid = Solid.of(self.received)
         try:
-            choices = rules(solid)
+            choices = rules(solid, self._form)
         except MeshError:
             return
         rule, frames = choices[0], choices[0].frames(solid)
@@ -91,7 +91,7 @@ class Hypotheses:
         yield Round([first], fit=False)
         if not self.search:
             return
-        ambiguities = rule.doubts(solid, frames)
+        ambiguities = rule.ambiguities(solid, frames)
         yield Round(_every([first], ambiguities), fit=True)
         if len(self.received.triangles) < _MAX_COARSE:
             yield Round(_every(self._bulging(rule, first), ambiguities), fit=True)
@@ -99,16 +99,16 @@ class Hypotheses:
         yield Round(_every([first, *others], _distinct([m @ a for a in ambiguities for m in _MIRRORS])), fit=True)
         yield from self._unsmoothed(solid, rule, first, ambiguities)
 
-    def _seen(self, rule: Rule, solid: Solid, frame: Frame) -> FrameHypothesis:
+    def _seen(self, rule: FrameRule, solid: Solid, frame: Frame) -> FrameHypothesis:
         """A solid in one of the frames of a rule."""
         seen = frame.solid(solid)
-        normals = geometry.unit(solid.vertex_area_vectors) * solid.free[:, None]
+        normals = geometry.unit(solid.vertex_area_vectors) * solid.movable[:, None]
         response = rule.response(solid, frame, normals)
         covariance = np.zeros((8, 8))
         covariance[:7, :7] = response @ response.T / np.sum(seen.vertex_areas**2)
         return FrameHypothesis(frame, Spectrum.of_solid(self.band, seen, gradient=True), covariance)
 
-    def _bulging(self, rule: Rule, first: FrameHypothesis) -> Iterator[FrameHypothesis]:
+    def _bulging(self, rule: FrameRule, first: FrameHypothesis) -> Iterator[FrameHypothesis]:
         """What a mesh that has lost vertices looked like: its surface may bulge between those that are left."""
         solid = Solid.of(curved(self.received))
         spectrum = Spectrum.of_solid(self.band, rule.near(solid, first.frame).solid(solid))
@@ -117,7 +117,7 @@ class Hypotheses:
             yield replace(first, bulge=bulge, bulging=share, view=f"bulging by {share:g}")
 
     def _unsmoothed(
-        self, solid: Solid, rule: Rule, first: FrameHypothesis, ambiguities: list[Floats]
+        self, solid: Solid, rule: FrameRule, first: FrameHypothesis, ambiguities: list[Floats]
     ) -> Iterator[Round]:
         """For each filter the surface before its passes; where a pass moves much, also in frames of its own."""
         inverse = Unfilter(self.received)
@@ -136,7 +136,13 @@ class Hypotheses:
         return float(np.sqrt(area @ np.sum(motion**2, axis=1) / area.sum())) / 2.0 / self.received.diagonal
 
     def _before(
-        self, inverse: Unfilter, solid: Solid, rule: Rule, first: FrameHypothesis, each: Filter, passes: Sequence[int]
+        self,
+        inverse: Unfilter,
+        solid: Solid,
+        rule: FrameRule,
+        first: FrameHypothesis,
+        each: Filter,
+        passes: Sequence[int],
     ) -> dict[int, FrameHypothesis]:
         """The solid as received and before some numbers of passes, until it grows rough.
 
@@ -167,13 +173,13 @@ class Hypotheses:
         for n, known in itertools.islice(before.items(), 1, None):
             surface = solid.moved(inverse.undo(each.transfer(n), each.gain))
             try:
-                rule = rules(surface)[0]
+                rule = rules(surface, self._form)[0]
             except MeshError:
                 continue
             frames = rule.frames(surface)
             if not _same(frames[0], known.frame, ambiguities):
                 seen = replace(self._seen(rule, surface, frames[0]), smoothing=each.name, passes=n)
-                yield from _every([seen], rule.doubts(surface, frames))
+                yield from _every([seen], rule.ambiguities(surface, frames))
 
 
 def _every(hypotheses: Iterable[FrameHypothesis], symmetries: list[Floats]) -> list[FrameHypothesis]:
