@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 from o3dmark.arrays import Floats
-from o3dmark.campaign import Case, Job, Source, Specimen, specimen
+from o3dmark.campaign import Case, Job, Source, Specimen
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.saliency_rank import rank_correlation
 from o3dmark.campaign.specimen import cover_of
@@ -115,7 +115,7 @@ def _model(results: Results, mesh: Source, job: Job | None, cases: list[Case], s
         return Model(mesh.name, picture)
     rows = [row for row in results.rows if row["job"] == job.id]
     try:
-        marked = specimen(job)
+        marked = Specimen.of(job)
     except Exception as error:  # ours or a library's: the report goes on, as the campaign did
         return Model(mesh.name, picture, (Picture(f"{mesh.name}: not marked", b"", str(error)),))
     pair = (
