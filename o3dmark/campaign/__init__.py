@@ -1,37 +1,53 @@
 """Campaigns: a TOML file in, rows out, over any concurrent.futures.Executor.
 
-    Campaign         a TOML file            -> jobs         what to measure; pure data
-    run_job          a job                  -> rows         a mesh marked once, attacked by everything, read each time
+    read_campaign    a TOML file            -> Campaign     what to measure; pure data
+    Campaign.jobs                           -> jobs         a mesh, a method, a seed, and all that is to be done to them
+    run_job          a job                  -> rows         the mesh marked once, attacked by everything, read each time
     run              a campaign, a folder   -> progress     only what the folder's rows lack; kill it at any moment
-    read_rows        a folder               -> rows
+    read_rows        a folder               -> rows         each a `Row`
+    load             a folder               -> Kept         its campaign, the runs that computed its rows
+    compact          a folder               -> rows.csv     what a repository keeps
 
-A row says how one reading went. Corr and bit errors are of the raw bits against those embedded; ``message_ok`` is the
-message through the code, where the bits carry one; ``p_value`` tests for the bits that were embedded, all tries of the
-reader charged. ``mrms``, ``hausdorff`` and ``msdm`` are what the mark cost, over the cover's diagonal where they are
-lengths. ``failure`` is null, or the reason why there is nothing else.
+The TOML format stands in `spec_file`, the fields of a row in `row`, the files of a folder in `folder` and `pictures`.
 """
 
-from o3dmark.campaign.execution import Progress, about, load, run
-from o3dmark.campaign.job import Trial, failed_rows, run_job, trial
-from o3dmark.campaign.ledger import Ledger, read_rows
-from o3dmark.campaign.plan import Campaign, Case, Job, Source
+from o3dmark.campaign.compact import compact, summarise
+from o3dmark.campaign.execution import Progress, run
+from o3dmark.campaign.folder import Kept, Run, load
+from o3dmark.campaign.job import Outcome, failed, run_job
+from o3dmark.campaign.ledger import Ledger
+from o3dmark.campaign.plan import Campaign, Case, Gallery, Job, Source
+from o3dmark.campaign.plugins import Plugin
 from o3dmark.campaign.pool import dask_cluster, process_pool
+from o3dmark.campaign.row import Row, describe_fields, read_rows
+from o3dmark.campaign.spec_file import find_spec, read_campaign
+from o3dmark.campaign.specimen import Specimen, specimen
 
 __all__ = [
     "Campaign",
     "Case",
+    "Gallery",
     "Job",
+    "Kept",
     "Ledger",
+    "Outcome",
+    "Plugin",
     "Progress",
+    "Row",
+    "Run",
     "Source",
-    "Trial",
-    "about",
+    "Specimen",
+    "compact",
     "dask_cluster",
-    "failed_rows",
+    "describe_fields",
+    "failed",
+    "find_spec",
     "load",
     "process_pool",
+    "read_campaign",
     "read_rows",
     "run",
     "run_job",
-    "trial",
+    "specimen",
+    "summarise",
 ]

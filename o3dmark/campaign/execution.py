@@ -1,23 +1,21 @@
 """Running a campaign: the jobs that the folder lacks, over an executor, appended as they finish."""
 
-import datetime
-import json
-import os
-import platform
+import signal
+from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os import getpid
 from pathlib import Path
-from typing import Any
 
-from o3dmark._version import __version__
-from o3dmark.campaign.job import Row, failed_rows, run_job
+from o3dmark.campaign.folder import Kept, Run, load, save, told_of_methods
+from o3dmark.campaign.job import Outcome, failed, run_job
 from o3dmark.campaign.ledger import Ledger
+from o3dmark.campaign.pictures import save_pictures
 from o3dmark.campaign.plan import Campaign, Job
-from o3dmark.errors import BackendError, SpecError
-from o3dmark.files import replacing
-
-PLAN = "campaign.json"
+from o3dmark.campaign.pool import ProcessPool, process_pool
+from o3dmark.campaign.row import PLAN, Row
+from o3dmark.errors import BackendError
 
 
 @dataclass(frozen=True)
@@ -42,84 +40,93 @@ def run(
 
     ``executor``: where jobs run; none: here, one after the other. No more than ``in_flight`` are handed over at a time,
     so memory does not grow with the campaign. Rows do not depend on any of these, nor on earlier interruptions; their
-    order in the file does. ``command`` is for the report's header.
-    Errors: SpecError and BackendError as in `Ledger`; BackendError when the executor's processes die.
+    order in the file does. ``command`` is for the report's header. Meshes that the folder knows stay, whichever the
+    campaign has now. A job that kills its process, of a `process_pool`, has failed. Errors: SpecError and BackendError
+    as in `Ledger`; BackendError when another executor breaks.
     """
-    jobs = list(campaign.jobs())
-    with Ledger(directory, jobs) as ledger:
-        _save_plan(campaign, Path(directory), command)
-        missing, done = [job for job in jobs if job.id not in ledger.done], len(ledger.done)
+    jobs, kept = list(campaign.jobs()), Kept(campaign, (), told_of_methods(campaign))
+    if (Path(directory) / PLAN).exists():
+        before = load(directory)
+        kept = replace(kept, campaign=campaign.with_meshes_of(before.campaign), runs=before.runs)
+    with Ledger(directory, kept.campaign.jobs()) as ledger:
+        save(directory, kept)
+        missing = [job for job in jobs if job.id not in ledger.done]
+        done, this = len(jobs) - len(missing), Run.now(command)
         yield Progress(done, len(jobs))
         results = _in_turn(missing) if executor is None else _submitted(missing, executor, in_flight)
-        for job, rows in results:
-            ledger.append(rows)
+        for job, outcome in results:
+            if this not in kept.runs:
+                kept = replace(kept, runs=(*kept.runs, this))
+                save(directory, kept)
+            save_pictures(directory, outcome.pictures, [mesh.name for mesh in kept.campaign.meshes])
+            ledger.append(outcome.rows)
             done += 1
-            yield Progress(done, len(jobs), job, tuple(rows))
+            yield Progress(done, len(jobs), job, outcome.rows)
 
 
-def load(directory: str | Path) -> tuple[Campaign, dict[str, Any]]:
-    """The campaign that a folder holds the rows of, and what is known of its run. Errors: SpecError when none is."""
-    path = Path(directory) / PLAN
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return Campaign.from_dict(content["campaign"]), content["about"]
-    except OSError:
-        raise SpecError(
-            f"{directory} holds no campaign; `o3dmark bench SPEC.toml --out {directory}` makes one"
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise SpecError(f"{path} is damaged: {error}") from None
-
-
-def about(command: str = "") -> dict[str, Any]:
-    """What a reader of the results wants to know of the run: when, by which version, on what kind of machine."""
-    return {
-        "command": command,
-        "started": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "version": __version__,
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
-        "python": platform.python_version(),
-    }
-
-
-def _save_plan(campaign: Campaign, directory: Path, command: str) -> None:
-    known = about(command)
-    if (directory / PLAN).exists():
-        known |= {name: load(directory)[1].get(name) for name in ("started", "command")}
-    with replacing(directory / PLAN) as draft:
-        draft.write_text(json.dumps({"about": known, "campaign": campaign.to_dict()}, indent=1), encoding="utf-8")
-
-
-def _in_turn(jobs: Iterable[Job]) -> Iterator[tuple[Job, list[Row]]]:
+def _in_turn(jobs: Iterable[Job]) -> Iterator[tuple[Job, Outcome]]:
     return ((job, run_job(job)) for job in jobs)
 
 
-def _submitted(jobs: Iterable[Job], executor: Executor, in_flight: int) -> Iterator[tuple[Job, list[Row]]]:
-    waiting, running = iter(jobs), dict[Future[list[Row]], Job]()
+def _submitted(jobs: Iterable[Job], executor: Executor, in_flight: int) -> Iterator[tuple[Job, Outcome]]:
+    waiting, running = deque(jobs), dict[Future[Outcome], Job]()
     try:
-        while True:
-            while len(running) < in_flight and (job := next(waiting, None)):
-                running[executor.submit(run_job, job)] = job
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                rows = _rows(running[future], future)
-                yield running.pop(future), rows
-    except BrokenExecutor as error:
-        names = ", ".join(sorted({f"{job.mesh.name} with {job.label}" for job in running.values()}))
-        raise BackendError(
-            f"a worker process died ({error or 'no reason given'}), perhaps for want of memory, while these were at"
-            f" work: {names}. What is finished is kept: run the same command again, with fewer workers"
-        ) from None
+        while waiting or running:
+            try:
+                while waiting and len(running) < in_flight:
+                    running[executor.submit(run_job, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    outcome = _outcome(running[future], future)
+                    yield running.pop(future), outcome
+            except BrokenExecutor as error:
+                yield from _after_a_death(executor, running, error)
+                running.clear()
     finally:
         for future in running:
             future.cancel()
 
 
-def _rows(job: Job, future: Future[list[Row]]) -> list[Row]:
+def _outcome(job: Job, future: Future[Outcome]) -> Outcome:
     try:
         return future.result()
     except BrokenExecutor:
         raise
     except Exception as error:  # a job that no worker of a cluster survives, for one
-        return failed_rows(job, error)
+        return failed(job, f"{type(error).__name__}: {error}")
+
+
+def _after_a_death(
+    executor: Executor, running: dict[Future[Outcome], Job], error: BrokenExecutor
+) -> Iterator[tuple[Job, Outcome]]:
+    """The outcomes of the jobs in flight when a process died: one of them may be the reason, so each runs alone."""
+    names = ", ".join(sorted({f"{job.mesh.name} with {job.label}" for job in running.values()}))
+    if not isinstance(executor, ProcessPool) or not running:
+        raise BackendError(
+            f"the workers died ({error or 'no reason given'}) while these were at work: {names or 'none'}. What is"
+            " finished is kept: run the same command again"
+        ) from None
+    executor.renew()
+    with process_pool(1) as lone:
+        for future, job in running.items():
+            finished = future.done() and not future.cancelled() and future.exception() is None
+            yield job, future.result() if finished else _alone(lone, job)
+
+
+def _alone(lone: ProcessPool, job: Job) -> Outcome:
+    """The outcome of a job in a process of its own. Errors: BackendError when none can be started at all."""
+    try:
+        lone.submit(getpid).result()
+    except BrokenExecutor as error:
+        raise BackendError(f"no worker process can be started: {error}") from None
+    try:
+        return _outcome(job, lone.submit(run_job, job))
+    except BrokenExecutor:
+        how = "".join(map(_ending, lone.endings()))
+        lone.renew()
+        return failed(job, f"the process ended{how}")
+
+
+def _ending(code: int) -> str:
+    """An exit code in words."""
+    return f" with exit code {code}" if code > 0 else f" by {signal.Signals(-code).name}"

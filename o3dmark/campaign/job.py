@@ -1,175 +1,178 @@
-"""One job: a mesh marked once, attacked by everything, read each time. A failure is a row like any other."""
+"""One job: a mesh marked once, put through everything, read each time. A failure is a row like any other."""
 
-import hashlib
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from o3dmark._version import __version__
-from o3dmark.attacks import attack_all
-from o3dmark.campaign.plan import STRANGER, Case, Job, Source
+from o3dmark.campaign.pictures import Picture, pictures_of
+from o3dmark.campaign.plan import UNTOUCHED, Case, Job, Reading
+from o3dmark.campaign.plugins import load_plugins
+from o3dmark.campaign.row import UNMARKED, Row
+from o3dmark.campaign.saliency_rank import rank_correlation
+from o3dmark.campaign.specimen import Specimen, key_of, specimen
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
-from o3dmark.coding.payload import CODES
-from o3dmark.errors import MeshError, SpecError
-from o3dmark.files import read_mesh
-from o3dmark.methods import METHODS
+from o3dmark.mesh.saliency import Saliency
+from o3dmark.methods import Extraction
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.correlation import bit_errors, correlation
-from o3dmark.synthetic import make
-from o3dmark.watermark import Watermark
 
-Row = dict[str, Any]
-_NOTHING: Row = dict.fromkeys(
-    [
-        *("vertices", "bit_errors", "corr", "message_ok", "message_read", "p_value", "p_uncharged"),
-        *("message_p_value", "mrms", "hausdorff", "msdm", "hypotheses", "note", "seconds", "embed_seconds"),
-    ]
-)
+_TOLD = ("step", "view", "smoothing", "passes", "coherence")  # of an Extraction, as a row has them
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A cover mesh and its marked copy, with all that was used to mark it. ``message`` is None where bits are raw."""
+@dataclass(frozen=True)
+class Outcome:
+    """What a job gives: the rows of its readings, in their order, and the pictures that the campaign wants of it."""
 
-    watermark: Watermark
-    key: Key
-    message: str | None
-    cover: Any
-    marked: Any
-    seconds: float
-
-    def expected(self, key: Key, seed: int) -> NDArray[np.uint8]:
-        """The bits (n_bits,) that stand for the message under ``key``, or the raw ones."""
-        return _bits(self.watermark, self.message, key, seed)
+    rows: tuple[Row, ...]
+    pictures: tuple[Picture, ...] = ()
 
 
-def trial(job: Job) -> Trial:
-    """Mark the job's mesh. Errors: as in `Watermark.embed`, and MeshError when the mesh cannot be had."""
-    watermark = Watermark(METHODS.make(job.method), CODES.make(job.code), job.n_bits)
-    message, key = _message(watermark, job.seed), key_of(f"seed {job.seed}")
-    cover = cover_of(job.mesh)
-    started = time.perf_counter()
-    marked = watermark.embed_bits(cover, _bits(watermark, message, key, job.seed), key)
-    return Trial(watermark, key, message, cover, marked, time.perf_counter() - started)
-
-
-def attacked(trial: Trial, case: Case, seed: int) -> Any:
-    """The marked mesh after a case; the randomness depends on the seed and on the case's names."""
-    digest = hashlib.sha256(f"{seed}/{case.group}/{case.condition}".encode()).digest()
-    return attack_all(trial.marked, case.attacks, int.from_bytes(digest[:8], "big"))
-
-
-def run_job(job: Job) -> list[Row]:
-    """The rows of a job, one for each of its readings in their order, whatever fails."""
+def run_job(job: Job) -> Outcome:
+    """Do a job. It has a row for each of its readings, whatever fails."""
     try:
-        marked = trial(job)
-        common = _cost(job, marked) | {"embed_seconds": round(marked.seconds, 3)}
+        load_plugins(job.plugins)
+        made = specimen(job)
+        common = _cost(job, made) | {"embed_seconds": round(made.seconds, 3)}
     except Exception as error:
-        return failed_rows(job, error)
-    return [_row(job, case, common | _result(job, case, marked)) for case in job.readings]
+        return failed(job, f"marking: {_reason(job, error)}")
+    rows, pictures = list[Row](), list[Picture]()
+    for _, readings in groupby(
+        job.readings, lambda reading: (reading.case.attacks and reading.case, _unmarked(reading))
+    ):
+        for reading, result in _read_all(job, made, list(readings), pictures):
+            rows.append(_row(job, reading, common | result))
+    return Outcome(tuple(rows), tuple(pictures))
 
 
-def failed_rows(job: Job, error: BaseException) -> list[Row]:
-    """What a job leaves that could not even mark its mesh."""
-    cost: Row = dict.fromkeys(METRICS.make(spec).name for spec in job.metrics)
-    return [_row(job, case, cost | {"failure": f"marking: {_reason(error)}"}) for case in job.readings]
+def failed(job: Job, reason: str) -> Outcome:
+    """What a job leaves of which nothing could be measured."""
+    return Outcome(tuple(_row(job, reading, {"failure": reason}) for reading in job.readings))
 
 
-def key_of(label: str) -> Key:
-    """A key that anyone can make again: campaigns are public."""
-    return Key(hashlib.sha256(f"o3dmark campaign: {label}".encode()).digest())
-
-
-def _row(job: Job, case: Case, result: Row) -> Row:
-    names: Row = {
-        "job": job.id,
-        "mesh": job.mesh.name,
-        "source": job.mesh.public,
-        "label": job.label,
-        "method": job.method,
-        "group": case.group,
-        "condition": case.condition,
-        "attack": " ".join(case.attacks) or "identity",
-        "seed": job.seed,
-        "n_bits": job.n_bits,
-    }
-    return names | _NOTHING | {"failure": None, "version": __version__} | result
-
-
-def _result(job: Job, case: Case, marked: Trial) -> Row:
-    key = key_of(f"stranger {case.condition} of seed {job.seed}") if case.group == STRANGER else marked.key
+def _read_all(
+    job: Job, made: Specimen, readings: list[Reading], pictures: list[Picture]
+) -> Iterator[tuple[Reading, dict[str, Any]]]:
+    """The readings that are all of one mesh, each with its result; what is drawn is added to ``pictures``."""
     try:
-        return _reading(marked, attacked(marked, case, job.seed), key, job.seed)
-    except Exception as error:  # of an attack or a reader, ours or a library's: the campaign goes on
-        return {"failure": _reason(error)}
+        mesh = made.attacked(readings[0].case, unmarked=_unmarked(readings[0]))
+    except Exception as error:  # of an attack, ours or a library's: the campaign goes on
+        yield from ((reading, {"failure": f"attack: {_reason(job, error)}"}) for reading in readings)
+        return
+    observed = None
+    for reading in readings:
+        started = time.perf_counter()
+        try:
+            observed = _observed(made, mesh) if observed is None else observed
+            result = _read(made, job, observed, key_of(reading.key) if reading.key else made.key, started)
+        except Exception as error:  # likewise
+            result = {"failure": f"reading: {_reason(job, error)}"}
+        yield reading, result | ({} if reading.control else _seen(job, made, reading.case, mesh, pictures))
 
 
-def _reading(marked: Trial, mesh: Any, key: Key, seed: int) -> Row:
-    watermark, expected = marked.watermark, marked.expected(key, seed)
-    started = time.perf_counter()
-    read = watermark.extract_bits(mesh, key, reference=marked.cover if watermark.method.informed else None)
-    seconds = time.perf_counter() - started
-    known = detect(read.soft, expected, hypotheses=read.hypotheses)
-    row: Row = {
-        "bit_errors": bit_errors(expected, read.bits).errors,
-        "corr": _rounded(correlation(expected, read.bits)),
-        "p_value": _rounded(known.p_value),
-        "p_uncharged": _rounded(detect(read.soft, expected).p_value),
+def _observed(made: Specimen, mesh: Any) -> Any:
+    observe = getattr(made.watermark.method, "observe", None)  # until Method has it
+    return mesh if observe is None else observe(mesh)
+
+
+def _unmarked(reading: Reading) -> bool:
+    return reading.control == UNMARKED
+
+
+def _read(made: Specimen, job: Job, observed: Any, key: Key, started: float) -> dict[str, Any]:
+    """What a key reads from a mesh, beside what it should."""
+    watermark, expected = made.watermark, made.expected(key)
+    reference = made.cover if job.informed or watermark.method.informed else None
+    read = watermark.extract_bits(observed, key, reference=reference)
+    seconds, nearest = time.perf_counter() - started, read.nearest(expected)
+    errors = bit_errors(expected, read.bits)
+    result = {
+        "bit_errors": errors.errors,
+        "ber": _rounded(errors.rate),
+        "corr": _corr(expected, read.bits),
+        "log10_p": _rounded(detect(read.soft, expected, hypotheses=read.hypotheses).log10_p),
+        "log10_p_best": _rounded(detect(nearest.soft, expected, hypotheses=nearest.hypotheses).log10_p),
+        "log10_p_uncharged": _rounded(detect(read.soft, expected).log10_p),
         "hypotheses": read.hypotheses,
-        "note": read.note,
         "seconds": round(seconds, 3),
     }
-    if marked.message is not None:
-        decoded = watermark.code.decode(read.soft, key, hypotheses=read.hypotheses)
-        row["message_ok"], row["message_read"] = decoded.message == marked.message, decoded.found
-        row["message_p_value"] = _rounded(decoded.p_value)
-    return row
+    return result | _told(read) | _decoded(made, read, key)
 
 
-def _cost(job: Job, marked: Trial) -> Row:
+def _told(read: Extraction) -> dict[str, Any]:
+    """Which reading it was."""
+    values = {name: getattr(read, name, None) for name in _TOLD}  # until Extraction carries it
+    return {name: _rounded(value) if isinstance(value, float) else value for name, value in values.items()}
+
+
+def _decoded(made: Specimen, read: Extraction, key: Key) -> dict[str, Any]:
+    if made.message is None:
+        return {}
+    decoded = made.watermark.code.decode(read.soft, key, hypotheses=read.hypotheses)
+    return {
+        "message_ok": decoded.message == made.message,
+        "message_read": decoded.found,
+        "log10_p_message": _rounded(decoded.log10_p),
+    }
+
+
+def _corr(expected: NDArray[np.uint8], bits: NDArray[np.uint8]) -> float | None:
+    """The paper's equation, where it has a value."""
+    return _rounded(correlation(expected, bits)) if np.ptp(expected) and np.ptp(bits) else None
+
+
+def _cost(job: Job, made: Specimen) -> dict[str, Any]:
     """The metrics between cover and marked mesh; one that cannot be had is null, and says why."""
-    costs: Row = {"vertices": len(marked.cover.vertices)}
+    costs: dict[str, float | None] = {}
+    reason = None
     for metric in map(METRICS.make, job.metrics):
         try:
-            value = float(metric(marked.cover, marked.marked))
+            value = float(metric(made.cover, made.marked))
             costs[metric.name] = _rounded(value) if math.isfinite(value) else None
         except Exception as error:
-            costs[metric.name] = None
-            costs["cost_failure"] = f"{metric.name}: {_reason(error)}"
-    return costs
+            costs[metric.name], reason = None, f"{metric.name}: {_reason(job, error)}"
+    return {"metrics": costs, "vertices": len(made.cover.vertices), "cost_failure": reason}
 
 
-@lru_cache(maxsize=2)
-def cover_of(source: Source) -> Any:
-    """The mesh of a source; the last two are kept. Errors: MeshError when a file is gone or is another one now."""
-    if not source.digest:
-        return make(source.source)
-    mesh = read_mesh(source.source)
-    if hashlib.sha256(Path(source.source).read_bytes()).hexdigest() != source.digest:
-        raise MeshError(f"{source.public} is not the file that the campaign was planned with")
-    return mesh
-
-
-def _message(watermark: Watermark, seed: int) -> str | None:
-    """A message as long as the code has room for; None when the bits are too few for any."""
+def _seen(job: Job, made: Specimen, case: Case, mesh: Any, pictures: list[Picture]) -> dict[str, Any]:
+    """Whether saliency keeps its order, and pictures, where they are wanted."""
+    in_gallery = job.gallery is not None and (case.group == UNTOUCHED or case.name in job.gallery)
+    if not (job.saliency_rank or in_gallery):
+        return {}
     try:
-        size = watermark.code.frame_bytes(watermark.n_bits)
-    except SpecError:
-        return None
-    return "hex:" + hashlib.sha256(f"message {seed}".encode()).digest()[:size].hex()
+        saliency = Saliency()(mesh)
+        rank = rank_correlation(made.cover, made.saliency, mesh, saliency)
+        if in_gallery:
+            pictures.extend(pictures_of(job, made, case, mesh, saliency))
+        return {"saliency_rank": None if rank is None else _rounded(rank)}
+    except Exception as error:
+        return {"saliency_failure": _reason(job, error)}
 
 
-def _bits(watermark: Watermark, message: str | None, key: Key, seed: int) -> NDArray[np.uint8]:
-    if message is None:
-        return key_of(f"bits of seed {seed}").stream("campaign/bits").bits(watermark.n_bits)
-    return watermark.code.encode(message, watermark.n_bits, key)
+def _row(job: Job, reading: Reading, result: dict[str, Any]) -> Row:
+    case = reading.case
+    return Row(
+        job=job.id,
+        mesh=job.mesh.name,
+        source=job.mesh.public,
+        label=job.label,
+        method=job.method,
+        group=case.group,
+        condition=case.condition,
+        attack=" ".join(case.attacks) or "identity",
+        control=reading.control,
+        seed=job.seed,
+        n_bits=job.n_bits,
+        version=__version__,
+        **{"metrics": dict.fromkeys(spec.partition(":")[0] for spec in job.metrics)} | result,
+    )
 
 
 def _rounded(value: float) -> float:
@@ -177,5 +180,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _reason(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
+def _reason(job: Job, error: BaseException) -> str:
+    """The error in one line, without folders of the machine."""
+    text = str(error).replace(job.mesh.source, job.mesh.public) if job.mesh.digest else str(error)
+    return f"{type(error).__name__}: {text}"

@@ -1,18 +1,19 @@
-"""The rows of a campaign on disk: DIR/rows.jsonl, one JSON object a line, to which whole jobs are appended.
+"""The rows of a running campaign on disk: DIR/rows.jsonl, one JSON object a line, to which whole jobs are appended.
 
 Whatever moment the process dies, the next one finds a prefix of what was written: it keeps the jobs whose rows are all
-there and drops the rest, so that no row is lost or doubled.
+there and drops the rest, so that no row is lost or doubled. A compact folder becomes one that grows again.
 """
 
 import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from o3dmark.campaign.plan import Job
+from o3dmark.campaign.row import LINES, TABLE, Row, read_rows
 from o3dmark.errors import BackendError, SpecError
 from o3dmark.files import replacing
 
@@ -21,7 +22,8 @@ try:
 except ImportError:  # no such lock on this system: two campaigns in one folder are the user's affair
     flock = None  # type: ignore[assignment]
 
-ROWS = "rows.jsonl"
+
+_LOCK = "rows.lock"
 
 
 class Ledger:
@@ -31,20 +33,19 @@ class Ledger:
     """
 
     def __init__(self, directory: str | Path, jobs: Iterable[Job]) -> None:
-        self._path = Path(directory) / ROWS
+        self._path, self._held = Path(directory) / LINES, ExitStack()
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o644)
+        self._held.enter_context(locked(self._path.parent))
         try:
-            self._take_lock()
             self.done = self._recover({job.id: len(job.readings) for job in jobs})
             self._file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         except BaseException:
-            os.close(self._lock)
+            self._held.close()
             raise
 
-    def append(self, rows: list[dict[str, Any]]) -> None:
+    def append(self, rows: Iterable[Row]) -> None:
         """Add the rows of one job; they are on the disk when this returns."""
-        data = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
+        data = _text(rows).encode()
         while data:
             data = data[os.write(self._file, data) :]
         os.fsync(self._file)
@@ -52,7 +53,7 @@ class Ledger:
     def close(self) -> None:
         """Let another process write."""
         os.close(self._file)
-        os.close(self._lock)
+        self._held.close()
 
     def __enter__(self) -> "Ledger":
         return self
@@ -62,41 +63,37 @@ class Ledger:
     ) -> None:
         self.close()
 
-    def _take_lock(self) -> None:
-        if flock is not None:
-            try:
-                flock(self._lock, LOCK_EX | LOCK_NB)
-            except OSError:
-                raise BackendError(f"another process is writing to {self._path.parent}") from None
-
     def _recover(self, sizes: dict[str, int]) -> set[str]:
         rows = list(read_rows(self._path.parent))
-        counts = Counter(row.get("job", "") for row in rows)
+        counts = Counter(row.job for row in rows)
         if foreign := counts.keys() - sizes.keys():
             raise SpecError(
                 f"{self._path.parent} holds rows of {len(foreign)} jobs that are not in this campaign;"
                 " choose another --out"
             )
         done = {job for job, count in counts.items() if count == sizes[job]}
-        text = "".join(json.dumps(row) + "\n" for row in rows if row.get("job") in done)
-        if self._path.exists() and self._path.read_text(encoding="utf-8") != text:
+        text = _text(row for row in rows if row.job in done)
+        if rows and not (self._path.exists() and self._path.read_text(encoding="utf-8") == text):
             with replacing(self._path) as draft:
                 draft.write_text(text, encoding="utf-8")
+        self._path.with_name(TABLE).unlink(missing_ok=True)
         return done
 
 
-def read_rows(directory: str | Path) -> Iterator[dict[str, Any]]:
-    """The rows of a folder; a last line that was never finished is left out, no file means no row."""
-    path = Path(directory) / ROWS
-    if not path.exists():
-        return
-    with path.open(encoding="utf-8") as lines:
-        for number, line in enumerate(lines, start=1):
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Keep a folder to this process. Errors: BackendError when another writes to it."""
+    lock = os.open(directory / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        if flock is not None:
             try:
-                row = json.loads(line)
-            except ValueError:
-                if line.endswith("\n"):
-                    raise SpecError(f"{path}, line {number}: not a row") from None
-                return
-            if line.endswith("\n"):
-                yield row
+                flock(lock, LOCK_EX | LOCK_NB)
+            except OSError:
+                raise BackendError(f"another process is writing to {directory}") from None
+        yield
+    finally:
+        os.close(lock)
+
+
+def _text(rows: Iterable[Row]) -> str:
+    return "".join(json.dumps(row.to_dict(), allow_nan=False) + "\n" for row in rows)

@@ -1,6 +1,7 @@
 """Campaigns at the command line: which executor, and the bar that says how long it will take."""
 
 import os
+import shlex
 import sys
 import time
 from collections.abc import Iterator
@@ -15,21 +16,50 @@ from o3dmark.errors import SpecError
 
 
 def run_campaign(
-    spec: Path, out: Path, workers: int | None, dask: str | None, meshes: Path | None, command: str
+    name: str,
+    out: Path | None,
+    meshes: Path | None,
+    only: tuple[str, ...],
+    plugins: tuple[Path, ...],
+    workers: int | None,
+    dask: str | None,
 ) -> dict[str, Any]:
-    """Run what ``out`` lacks of the campaign in ``spec``; what `bench` prints at the end."""
-    from o3dmark.campaign import Campaign, run
+    """Run what ``out`` lacks of the campaign of that name or file; what `bench` prints at the end."""
+    from o3dmark.campaign import find_spec, read_campaign, run
 
     started, rows, failures, done = time.perf_counter(), 0, 0, 0
-    campaign = Campaign.read(spec, meshes)
+    spec = find_spec(name)
+    campaign, out = read_campaign(spec, meshes, only=only, plugins=plugins), out or Path(spec.stem)
+    options = [("--out", out), ("--meshes", meshes), *(("--only", each) for each in only)]
+    command = _command(name, options + [("--plugin", each) for each in plugins])
     with _executor(workers, dask) as (executor, size), _bar() as bar:
         task = bar.add_task(campaign.title, total=None)
         for event in run(campaign, out, executor, in_flight=2 * size, command=command):
             rows, done = rows + len(event.rows), event.done
-            failures += sum(row["failure"] is not None for row in event.rows)
+            failures += sum(row.failure is not None for row in event.rows)
             bar.update(task, total=event.total, completed=event.done, description=_doing(campaign.title, event.job))
     seconds = round(time.perf_counter() - started, 1)
     return {"output": str(out), "jobs": done, "new_rows": rows, "failures": failures, "seconds": seconds}
+
+
+def keep(out: Path, *, compact: bool, summary: bool) -> dict[str, str]:
+    """Bring a folder into the form that is kept; the files that were written."""
+    from o3dmark import campaign
+
+    written = {"summary": str(campaign.summarise(out))} if summary else {}
+    return written | ({"compact": str(campaign.compact(out))} if compact else {})
+
+
+def _command(name: str, options: list[tuple[str, str | Path | None]]) -> str:
+    """What was typed, as a report may quote it: of a path that starts at the root, its last part."""
+    words = ["o3dmark", "bench", _shown(name)]
+    for option, value in options:
+        words += [] if value is None else [option, _shown(value)]
+    return shlex.join(words)
+
+
+def _shown(value: str | Path) -> str:
+    return Path(value).name if Path(value).is_absolute() else str(value)
 
 
 @contextmanager
