@@ -25,6 +25,7 @@ from o3dmark.cli import app
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
+from o3dmark.report.controls import CONTROLS, control_tables
 from o3dmark.report.cost import cost, measure
 from o3dmark.report.data import Contestant, Results
 from o3dmark.report.markdown import inline, table_lines
@@ -35,6 +36,7 @@ ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 BLOCK = re.compile(r"(<!-- table: ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 SPECTRUM = ("shape_spectrum", "shape_spectrum_small")
+CONTROL_FOLDERS = ("false_positives", "false_positives_single")
 Column = tuple[Results, Contestant, str]  # a mesh under one method and number of bits
 
 
@@ -272,6 +274,14 @@ def informed_table() -> str:
     return grid([*head, "mean Corr, wrong key", "mean Corr, unmarked", "least p of these"], rows)
 
 
+def control_table() -> str:
+    """How many p-values are small under wrong keys and on unmarked meshes, beside how many may be."""
+    found = [
+        table for name in CONTROL_FOLDERS for control in CONTROLS for table in control_tables(results(name), control)
+    ]
+    return "\n\n".join("\n".join([f"{inline(table.title)}:", "", *table_lines(table)]) for table in found) + "\n"
+
+
 def campaign_table() -> str:
     """What all methods read in the published conditions."""
     return "\n".join(table_lines(published_conditions(results("paper")))) + "\n"
@@ -296,6 +306,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "shape-spectrum results": (spectrum_table, SPECTRUM),
     "known message results": (known_message_table, SPECTRUM),
     "informed results": (informed_table, ("informed_crop",)),
+    "control results": (control_table, CONTROL_FOLDERS),
     "campaign results": (campaign_table, ("paper",)),
 }
 

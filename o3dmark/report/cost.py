@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from o3dmark.report.content import Cell, Section, Table, cost_cell, number
+from o3dmark.report.content import Cell, Section, Table, cost_cell, fitting, number
 from o3dmark.report.data import Contestant, Results
 from o3dmark.report.summary import mean
 
@@ -61,7 +61,7 @@ def cost_section(results: Results) -> Iterator[Section]:
 def _cost_table(results: Results, who: Contestant, line: str, named: bool) -> Table:
     rows = [_cost_row(results, who, line, metric) for metric in results.metrics]
     title = f"{line.capitalize()}: {who.name}" if line else who.name
-    return Table(title, ("", *results.meshes, "mean"), tuple(rows), folded=named and not line)
+    return fitting(Table(title, ("", *results.meshes, "mean"), tuple(rows), folded=named and not line))
 
 
 def _cost_row(results: Results, who: Contestant, line: str, metric: str) -> tuple[Cell, ...]:

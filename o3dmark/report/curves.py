@@ -31,8 +31,8 @@ def curve_sections(results: Results) -> Iterator[Section]:
         "The p-value of a reading tests whether the known bits are there; a detector compares it with the"
         " false-positive rate that is wanted."
     )
-    figures = [_detection(results), *_false_positives(results)]
-    yield Section("Detection", intro, tuple(figures))
+    if figures := [*_detection(results), *_false_positives(results)]:
+        yield Section("Detection", intro, tuple(figures))
 
 
 def _robustness(results: Results, group: str) -> Figure:
@@ -59,8 +59,10 @@ def _rows(results: Results, number: int, group: str, condition: str) -> list[Row
     return results.of(who, group, condition)
 
 
-def _detection(results: Results) -> Figure:
+def _detection(results: Results) -> Iterator[Figure]:
     """The share of attacked meshes that a detector finds, for every false-positive rate that it is asked to keep."""
+    if not any(map(results.attacked, results.contestants)):
+        return
     canvas, axes, _, _ = axes_for()
     rates = np.linspace(_LEAST, 0, 161)
     for number, who in enumerate(results.contestants):
@@ -79,7 +81,7 @@ def _detection(results: Results) -> Figure:
         "ROC over all attacks of the campaign, the hopeless ones included: the share of readings whose p-value, every"
         " hypothesis charged, is at most the rate."
     )
-    return Figure("Marks found at a false-positive rate", svg(canvas, axes, "roc"), caption)
+    yield Figure("Marks found at a false-positive rate", svg(canvas, axes, "roc"), caption)
 
 
 def _false_positives(results: Results) -> Iterator[Figure]:

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from o3dmark.campaign import Campaign, Run, load, read_rows
+from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError
@@ -24,7 +25,7 @@ class Contestant:
 
 @dataclass(frozen=True)
 class Results:
-    """A campaign, its runs, what it says of its methods, and its rows."""
+    """A campaign, its runs, what it says of its methods, and its rows; none where only their summary is kept."""
 
     campaign: Campaign
     runs: tuple[Run, ...]
@@ -35,13 +36,13 @@ class Results:
 
     @classmethod
     def load(cls, directory: str | Path) -> "Results":
-        """What is in a folder. Errors: SpecError when it holds no campaign or no row."""
+        """What is in a folder. Errors: SpecError when it holds no campaign, or neither rows nor their summary."""
         kept, rows = load(directory), tuple(read_rows(directory))
-        if not rows:
+        if not rows and not (Path(directory) / SUMMARY).exists():
             raise SpecError(f"{directory} holds no rows yet; run `o3dmark bench` first")
         text, names = kept.campaign.published, kept.campaign.published_names
         published = Published.read(text, names or {}) if text else Published()
-        return cls(kept.campaign, tuple(kept.runs), kept.methods, rows, Path(directory), published)
+        return cls(kept.campaign, kept.runs, kept.methods, rows, Path(directory), published)
 
     @cached_property
     def contestants(self) -> tuple[Contestant, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError
-from o3dmark.report.content import Cell, Picture, Section, Table, corr_number, number
+from o3dmark.report.content import Cell, Picture, Section, Table, corr_number, fitting, number
 from o3dmark.report.data import Contestant, Results
 from o3dmark.report.summary import corr, mean
 
@@ -79,7 +79,7 @@ def _ranks(results: Results, who: Contestant) -> Iterator[Table]:
     if rows := [row for row in rows if row]:
         head = ("Spearman's ρ of saliency", *results.meshes, "mean")
         title = f"Rank correlation of saliency with the cover's: {who.name}"
-        yield Table(title, head, tuple(rows), "Mean over the seeds.", folded=who != results.main)
+        yield fitting(Table(title, head, tuple(rows), "Mean over the seeds.", folded=who != results.main))
 
 
 def _rank_row(results: Results, who: Contestant, group: str, condition: str) -> tuple[Cell, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
-from o3dmark.report.content import Cell, Section, Table, ber_number, corr_cell, corr_number, number
+from o3dmark.report.content import Cell, Section, Table, ber_number, corr_cell, corr_number, fitting, number
 from o3dmark.report.cost import SCALES, cost, measure
 from o3dmark.report.data import Contestant, Results
 from o3dmark.report.summary import ber, corr, mean, share_interval
@@ -154,7 +154,8 @@ def _mesh_table(results: Results, who: Contestant, group: str, folded: bool) -> 
         )
         for each in results.groups[group]
     ]
-    return Table(f"{group.capitalize()}: {who.name}", ("Corr", *results.meshes, "mean"), tuple(rows), folded=folded)
+    table = Table(f"{group.capitalize()}: {who.name}", ("Corr", *results.meshes, "mean"), tuple(rows), folded=folded)
+    return fitting(table)
 
 
 def failure_section(results: Results) -> Iterator[Section]:
