@@ -22,7 +22,8 @@ LAYERS = """
     attacks metrics synthetic methods
     watermark
     profiles
-    campaign view
+    view
+    campaign
     report
     cli
     o3dmark __main__

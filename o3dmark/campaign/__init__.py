@@ -1,15 +1,19 @@
 """Campaigns: a TOML file in, rows out, over any concurrent.futures.Executor.
 
-read_campaign    a TOML file            -> Campaign     what to measure; pure data
-Campaign.jobs                           -> jobs         a mesh, a method, a seed, and all that is to be done to them
-run_job          a job                  -> rows         the mesh marked once, attacked by everything, read each time
-run              a campaign, a folder   -> progress     only what the folder's rows lack; kill it at any moment
-read_rows        a folder               -> rows         each a `Row`
-load             a folder               -> the campaign and the runs that computed its rows
+    read_campaign    a TOML file            -> Campaign     what to measure; pure data
+    Campaign.jobs                           -> jobs         a mesh, a method, a seed, and all that is to be done to them
+    run_job          a job                  -> rows         the mesh marked once, attacked by everything, read each time
+    run              a campaign, a folder   -> progress     only what the folder's rows lack; kill it at any moment
+    read_rows        a folder               -> rows         each a `Row`
+    load             a folder               -> Kept         its campaign, the runs that computed its rows
+    compact          a folder               -> rows.csv     what a repository keeps
+
+The TOML format stands in `spec_file`, the fields of a row in `row`, the files of a folder in `folder` and `pictures`.
 """
 
+from o3dmark.campaign.compact import compact, summarise
 from o3dmark.campaign.execution import Progress, run
-from o3dmark.campaign.folder import Run, load
+from o3dmark.campaign.folder import Kept, Run, load
 from o3dmark.campaign.job import Outcome, failed, run_job
 from o3dmark.campaign.ledger import Ledger
 from o3dmark.campaign.plan import Campaign, Case, Gallery, Job, Source
@@ -24,6 +28,7 @@ __all__ = [
     "Case",
     "Gallery",
     "Job",
+    "Kept",
     "Ledger",
     "Outcome",
     "Plugin",
@@ -32,6 +37,7 @@ __all__ = [
     "Run",
     "Source",
     "Specimen",
+    "compact",
     "dask_cluster",
     "describe_fields",
     "failed",
@@ -43,4 +49,5 @@ __all__ = [
     "run",
     "run_job",
     "specimen",
+    "summarise",
 ]

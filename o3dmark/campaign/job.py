@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from o3dmark._version import __version__
-from o3dmark.campaign.plan import Case, Job, Reading
+from o3dmark.campaign.pictures import Picture, pictures_of
+from o3dmark.campaign.plan import UNTOUCHED, Case, Job, Reading
 from o3dmark.campaign.plugins import load_plugins
 from o3dmark.campaign.row import UNMARKED, Row
 from o3dmark.campaign.saliency_rank import rank_correlation
@@ -28,9 +29,10 @@ _TOLD = ("step", "view", "smoothing", "passes", "fitted", "coherence")  # of an 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a job gives: the rows of its readings, in their order."""
+    """What a job gives: the rows of its readings, in their order, and the pictures that the campaign wants of it."""
 
     rows: tuple[Row, ...]
+    pictures: tuple[Picture, ...] = ()
 
 
 def run_job(job: Job) -> Outcome:
@@ -41,8 +43,13 @@ def run_job(job: Job) -> Outcome:
         common = _cost(job, made) | {"embed_seconds": round(made.seconds, 3)}
     except Exception as error:
         return failed(job, f"marking: {_reason(job, error)}")
-    by_mesh = groupby(job.readings, lambda reading: (reading.case.attacks and reading.case, _unmarked(reading)))
-    return Outcome(tuple(row for _, readings in by_mesh for row in _rows(job, made, list(readings), common)))
+    rows, pictures = list[Row](), list[Picture]()
+    for _, readings in groupby(
+        job.readings, lambda reading: (reading.case.attacks and reading.case, _unmarked(reading))
+    ):
+        for reading, result in _read_all(job, made, list(readings), pictures):
+            rows.append(_row(job, reading, common | result))
+    return Outcome(tuple(rows), tuple(pictures))
 
 
 def failed(job: Job, reason: str) -> Outcome:
@@ -50,14 +57,14 @@ def failed(job: Job, reason: str) -> Outcome:
     return Outcome(tuple(_row(job, reading, {"failure": reason}) for reading in job.readings))
 
 
-def _rows(job: Job, made: Specimen, readings: list[Reading], common: dict[str, Any]) -> Iterator[Row]:
-    """The rows of those readings that are all of one mesh."""
+def _read_all(
+    job: Job, made: Specimen, readings: list[Reading], pictures: list[Picture]
+) -> Iterator[tuple[Reading, dict[str, Any]]]:
+    """The readings that are all of one mesh, each with its result; what is drawn is added to ``pictures``."""
     try:
         mesh = made.attacked(readings[0].case, unmarked=_unmarked(readings[0]))
-        rank = _rank(job, made, readings[0].case, mesh)
     except Exception as error:  # of an attack, ours or a library's: the campaign goes on
-        reason = f"attack: {_reason(job, error)}"
-        yield from (_row(job, reading, common | {"failure": reason}) for reading in readings)
+        yield from ((reading, {"failure": f"attack: {_reason(job, error)}"}) for reading in readings)
         return
     observed = None
     for reading in readings:
@@ -67,7 +74,7 @@ def _rows(job: Job, made: Specimen, readings: list[Reading], common: dict[str, A
             result = _read(made, job, observed, key_of(reading.key) if reading.key else made.key, started)
         except Exception as error:  # likewise
             result = {"failure": f"reading: {_reason(job, error)}"}
-        yield _row(job, reading, common | result | ({} if reading.control else rank))
+        yield reading, result | ({} if reading.control else _seen(job, made, reading.case, mesh, pictures))
 
 
 def _unmarked(reading: Reading) -> bool:
@@ -129,12 +136,16 @@ def _cost(job: Job, made: Specimen) -> dict[str, Any]:
     return {"metrics": costs, "vertices": len(made.cover.vertices), "cost_failure": reason}
 
 
-def _rank(job: Job, made: Specimen, case: Case, mesh: Any) -> dict[str, Any]:
-    """Whether saliency keeps its order, where that is wanted."""
-    if not (job.saliency_rank or (job.gallery is not None and (not case.attacks or case.name in job.gallery))):
+def _seen(job: Job, made: Specimen, case: Case, mesh: Any, pictures: list[Picture]) -> dict[str, Any]:
+    """Whether saliency keeps its order, and pictures, where they are wanted."""
+    in_gallery = job.gallery is not None and (case.group == UNTOUCHED or case.name in job.gallery)
+    if not (job.saliency_rank or in_gallery):
         return {}
     try:
-        rank = rank_correlation(made.cover, made.saliency, mesh, Saliency()(mesh))
+        saliency = Saliency()(mesh)
+        rank = rank_correlation(made.cover, made.saliency, mesh, saliency)
+        if in_gallery:
+            pictures.extend(pictures_of(job, made, case, mesh, saliency))
         return {"saliency_rank": None if rank is None else _rounded(rank)}
     except Exception as error:
         return {"saliency_failure": _reason(job, error)}

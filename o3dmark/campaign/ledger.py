@@ -7,7 +7,8 @@ there and drops the rest, so that no row is lost or doubled. A compact folder be
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -22,6 +23,9 @@ except ImportError:  # no such lock on this system: two campaigns in one folder 
     flock = None  # type: ignore[assignment]
 
 
+_LOCK = "rows.lock"
+
+
 class Ledger:
     """The rows file of a folder, open for appending by one process at a time; ``done`` are the ids it has in full.
 
@@ -29,15 +33,14 @@ class Ledger:
     """
 
     def __init__(self, directory: str | Path, jobs: Iterable[Job]) -> None:
-        self._path = Path(directory) / LINES
+        self._path, self._held = Path(directory) / LINES, ExitStack()
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o644)
+        self._held.enter_context(locked(self._path.parent))
         try:
-            self._take_lock()
             self.done = self._recover({job.id: len(job.readings) for job in jobs})
             self._file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         except BaseException:
-            os.close(self._lock)
+            self._held.close()
             raise
 
     def append(self, rows: Iterable[Row]) -> None:
@@ -50,7 +53,7 @@ class Ledger:
     def close(self) -> None:
         """Let another process write."""
         os.close(self._file)
-        os.close(self._lock)
+        self._held.close()
 
     def __enter__(self) -> "Ledger":
         return self
@@ -59,13 +62,6 @@ class Ledger:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _take_lock(self) -> None:
-        if flock is not None:
-            try:
-                flock(self._lock, LOCK_EX | LOCK_NB)
-            except OSError:
-                raise BackendError(f"another process is writing to {self._path.parent}") from None
 
     def _recover(self, sizes: dict[str, int]) -> set[str]:
         rows = list(read_rows(self._path.parent))
@@ -77,11 +73,26 @@ class Ledger:
             )
         done = {job for job, count in counts.items() if count == sizes[job]}
         text = _text(row for row in rows if row.job in done)
-        if rows and not (self._path.exists() and self._path.read_text(encoding="utf-8") == text):
+        if text != (self._path.read_text(encoding="utf-8") if self._path.exists() else ""):
             with replacing(self._path) as draft:
                 draft.write_text(text, encoding="utf-8")
         self._path.with_name(TABLE).unlink(missing_ok=True)
         return done
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Keep a folder to this process. Errors: BackendError when another writes to it."""
+    lock = os.open(directory / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        if flock is not None:
+            try:
+                flock(lock, LOCK_EX | LOCK_NB)
+            except OSError:
+                raise BackendError(f"another process is writing to {directory}") from None
+        yield
+    finally:
+        os.close(lock)
 
 
 def _text(rows: Iterable[Row]) -> str:

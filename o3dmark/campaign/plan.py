@@ -68,7 +68,8 @@ class Job:
     controls: tuple[str, ...] = ()
     informed: bool = False
     saliency_rank: bool = False
-    gallery: tuple[str, ...] | None = None  # names of the cases to draw beside cover and marked mesh; None: no picture
+    gallery: tuple[str, ...] | None = None  # cases whose saliency is compared with the cover's; None: no picture either
+    subject: bool = False  # the meshes after those cases are drawn too
     plugins: tuple[Plugin, ...] = ()
 
     @property
@@ -176,6 +177,7 @@ class Campaign:
 
     def _job(self, mesh: Source, seed: int, n_bits: int, label: str) -> Job:
         drawn = (seed, n_bits, label) == (self.seeds[0], self.bits[0], self.main)
+        shown = self.gallery if drawn and self.gallery and mesh.name in self.gallery.meshes else None
         return Job(
             mesh=mesh,
             label=label,
@@ -190,6 +192,7 @@ class Campaign:
             controls=self.controls,
             informed=label in self.informed,
             saliency_rank=self.saliency_rank,
-            gallery=self.gallery.attacks if drawn and self.gallery and mesh.name in self.gallery.meshes else None,
+            gallery=None if shown is None else shown.attacks,
+            subject=shown is not None and shown.subject == mesh.name,
             plugins=self.plugins,
         )

@@ -2,8 +2,8 @@
 
 import os
 import signal
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import Any
@@ -13,21 +13,57 @@ from o3dmark.errors import BackendError
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-@contextmanager
-def process_pool(workers: int) -> Iterator[Executor]:
-    """``workers`` processes with one thread each: more would wait for each other.
+class ProcessPool(Executor):
+    """``workers`` processes with one thread each: more would wait for each other. Make one with `process_pool`.
 
     The libraries read the number of threads from the environment when they are loaded, so it is set while processes
     are started, which are started anew rather than forked for the same reason.
     """
-    before, others = {name: os.environ.get(name) for name in _THREADS}, set(active_children())
+
+    def __init__(self, workers: int) -> None:
+        self._workers, self._others = workers, set(active_children())
+        self._pool, self._processes = self._started(), set[Any]()
+
+    def submit(self, call: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        """As `Executor.submit`. Errors: BrokenProcessPool once a process has died, until `renew`."""
+        future = self._pool.submit(call, *arguments, **options)
+        self._processes |= set(active_children()) - self._others
+        return future
+
+    def renew(self) -> None:
+        """Start again with new processes; what was submitted before is lost."""
+        self._pool.shutdown(cancel_futures=True)
+        self._pool, self._processes = self._started(), set()
+
+    def _started(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._workers, get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
+
+    def endings(self) -> list[int]:
+        """The exit codes of the processes that ended with another than 0, negative for a signal."""
+        for process in self._processes:
+            process.join(timeout=10)
+        return [process.exitcode for process in self._processes if process.exitcode]
+
+    def terminate(self) -> None:
+        """End the processes at once: what is at work would be waited for."""
+        for process in set(active_children()) - self._others:
+            process.terminate()
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """As `Executor.shutdown`."""
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[ProcessPool]:
+    """A pool of processes, ended at the end of the block; at once where that ends with an error or an interrupt."""
+    before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
+    pool = ProcessPool(workers)
     try:
         yield pool
-    except BaseException:  # an interrupt: what is at work would be waited for, and its rows then be dropped
-        for process in set(active_children()) - others:
-            process.terminate()
+    except BaseException:
+        pool.terminate()
         raise
     finally:
         pool.shutdown(cancel_futures=True)
@@ -43,7 +79,7 @@ def _leave_interrupts_to_the_parent() -> None:
 def dask_cluster(address: str) -> Iterator[tuple[Executor, int]]:
     """The workers of the Dask scheduler at ``address``, and how many threads they have. Needs the extra "dask".
 
-    The workers need o3dmark too, and mesh files under the same paths; shapes they make themselves.
+    The workers need o3dmark too, and files of meshes and plug-ins under the same paths; shapes they make themselves.
     """
     try:
         from distributed import Client

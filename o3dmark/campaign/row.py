@@ -72,7 +72,7 @@ class Row:
     embed_seconds: float | None = _column("time of the embedding", None)
     cost_failure: str | None = _column("reason why a metric is null", None)
     saliency_rank: float | None = _column("Spearman's rho of the mesh's saliency with the cover's, if asked for", None)
-    saliency_failure: str | None = _column("reason why that is null although it was asked for", None)
+    saliency_failure: str | None = _column("reason why that, or a picture, is missing although it was asked for", None)
     metrics: Mapping[str, float | None] = dataclasses.field(
         default_factory=dict, metadata={"doc": "metrics between cover and marked mesh, each a column of its name"}
     )
@@ -127,7 +127,7 @@ def read_rows(directory: str | Path) -> Iterator[Row]:
     if lines.exists():
         yield from _lines(lines)
     elif table.exists():
-        yield from _table(table)
+        yield from read_table(table)
 
 
 def _lines(path: Path) -> Iterator[Row]:
@@ -143,7 +143,8 @@ def _lines(path: Path) -> Iterator[Row]:
                 yield row
 
 
-def _table(path: Path) -> Iterator[Row]:
+def read_table(path: Path) -> Iterator[Row]:
+    """The rows of a rows.csv, with what campaign.json beside it says of all of them. Errors as in `read_rows`."""
     constant = json.loads((path.parent / PLAN).read_text(encoding="utf-8")).get("constant", {})
     with path.open(encoding="utf-8", newline="") as file:
         for number, texts in enumerate(csv.DictReader(file), start=2):

@@ -42,6 +42,14 @@ def run_campaign(
     return {"output": str(out), "jobs": done, "new_rows": rows, "failures": failures, "seconds": seconds}
 
 
+def keep(out: Path, *, compact: bool, summary: bool) -> dict[str, str]:
+    """Bring a folder into the form that is kept; the files that were written."""
+    from o3dmark import campaign
+
+    written = {"summary": str(campaign.summarise(out))} if summary else {}
+    return written | ({"compact": str(campaign.compact(out))} if compact else {})
+
+
 def _command(name: str, options: list[tuple[str, str | Path | None]]) -> str:
     """What was typed, as a report may quote it: of a path that starts at the root, its last part."""
     words = ["o3dmark", "bench", _shown(name)]

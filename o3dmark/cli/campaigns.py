@@ -24,12 +24,17 @@ def bench(
     ] = None,
     workers: Annotated[int | None, typer.Option(metavar="N", help="Processes; by default one a core.")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of processes.")] = None,
+    compact: Annotated[
+        bool, typer.Option("--compact", help="At the end, rows.csv in the place of rows.jsonl.")
+    ] = False,
+    summary: Annotated[bool, typer.Option("--summary", help="At the end, summary.csv: counts, and failures.")] = False,
     json: Json = False,
 ) -> None:
     """Run a campaign: every mesh marked by every method, attacked by everything, read. Interrupted, it can go on."""
-    from o3dmark.cli._running import run_campaign
+    from o3dmark.cli._running import keep, run_campaign
 
-    print_result(run_campaign(spec, out, meshes, tuple(only or ()), tuple(plugin or ()), workers, dask), json)
+    result = run_campaign(spec, out, meshes, tuple(only or ()), tuple(plugin or ()), workers, dask)
+    print_result(result | keep(Path(result["output"]), compact=compact, summary=summary), json)
 
 
 def report(

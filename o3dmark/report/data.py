@@ -38,12 +38,12 @@ class Results:
     @classmethod
     def load(cls, directory: str | Path) -> "Results":
         """What is in a folder. Errors: SpecError when it holds no campaign or no row."""
-        campaign, runs = load(directory)
-        about = asdict(runs[-1]) if runs else {}
+        kept = load(directory)
+        about = asdict(kept.runs[-1]) if kept.runs else {}
         rows = tuple(row.to_dict() for row in read_rows(directory))
         if not rows:
             raise SpecError(f"{directory} holds no rows yet; run `o3dmark bench` first")
-        return cls(campaign, about, rows)
+        return cls(kept.campaign, about, rows)
 
     @cached_property
     def contestants(self) -> tuple[Contestant, ...]:

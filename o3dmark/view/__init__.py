@@ -6,7 +6,7 @@
     distance_sheet      marked, attacked, distances
     sheet               panels of one's own choice
     coloured            mesh or point cloud, scalars     -> a copy with vertex colours
-    save_png            a picture as a file
+    save_png, jpeg      a picture as a file, or as the bytes of one
     show                a window, where there is a screen
 
 Pictures are arrays; nothing is written or printed unless asked for.
@@ -15,7 +15,7 @@ Pictures are arrays; nothing is written or printed unless asked for.
 from o3dmark.view.camera import Camera
 from o3dmark.view.colours import coloured
 from o3dmark.view.comparison import comparison_sheet, distance_sheet
-from o3dmark.view.render import Image, render, save_png
+from o3dmark.view.render import Image, jpeg, render, save_png
 from o3dmark.view.sheet import Panel, render_scalars, sheet
 from o3dmark.view.window import show
 
@@ -26,6 +26,7 @@ __all__ = [
     "coloured",
     "comparison_sheet",
     "distance_sheet",
+    "jpeg",
     "render",
     "render_scalars",
     "save_png",

@@ -6,6 +6,7 @@ it lights vertices, not pixels. The ray caster gives the same picture on every m
 It computes in float32, so meshes are moved to the origin and scaled to size one first; nothing is measured here.
 """
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -75,3 +76,12 @@ def save_png(path: str | Path, image: Image) -> None:
     with replacing(path) as draft, o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         if not o3d.io.write_image(str(draft), o3d.geometry.Image(pixels)):
             raise BackendError(f"Open3D could not write {Path(path).name}: does its name end in .png?")
+
+
+def jpeg(image: Image, quality: int = 86) -> bytes:
+    """A picture (h, w, 3) uint8 as the bytes of a JPEG file; ``quality`` is 1 to 95."""
+    from matplotlib.image import imsave
+
+    file = io.BytesIO()
+    imsave(file, np.ascontiguousarray(image), format="jpeg", pil_kwargs={"quality": quality})
+    return file.getvalue()

@@ -16,9 +16,9 @@ from o3dmark.arrays import Floats
 from o3dmark.coding.scs import ScalarCosta
 from o3dmark.methods.shape_spectrum.lattice import closest_vectors
 
-_SWEEPS = 30  # of coordinate descent: the size changes by less than 1e-4 after 20
+_SWEEPS = 30  # of coordinate descent; after 5 the size changes by less than 1e-5 (bimba, ant, vase, fandisk)
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the slack, tried where going all the way costs too much
-_MAX_SAVING = 1.4  # slack never saved more than a factor of 1.3
+_MAX_SAVING = 1.4  # no slack saves more: one of 0.04 saves a factor of 1.11 to 1.19 (the same meshes)
 
 
 class Comb(NamedTuple):
