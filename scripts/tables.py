@@ -30,7 +30,6 @@ from o3dmark.cli import app
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
-from o3dmark.report.controls import CONTROLS, control_tables
 from o3dmark.report.cost import cost, measure
 from o3dmark.report.data import Contestant, Results
 from o3dmark.report.markdown import inline, table_lines
@@ -297,14 +296,6 @@ def informed_table() -> str:
     return grid([*head, "mean Corr, wrong key", "mean Corr, unmarked", "least p of these"], rows)
 
 
-def control_table() -> str:
-    """How many p-values are small under wrong keys and on unmarked meshes, beside how many may be."""
-    found = [
-        table for name in CONTROL_FOLDERS for control in CONTROLS for table in control_tables(results(name), control)
-    ]
-    return "\n\n".join("\n".join([f"{inline(table.title)}:", "", *table_lines(table)]) for table in found) + "\n"
-
-
 def campaign_table() -> str:
     """What all methods read in the published conditions."""
     return "\n".join(table_lines(published_conditions(results("paper")))) + "\n"
@@ -346,7 +337,6 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "shape-spectrum results": (spectrum_table, SPECTRUM),
     "known message results": (known_message_table, SPECTRUM),
     "informed results": (informed_table, ("informed_crop",)),
-    "control results": (control_table, CONTROL_FOLDERS),
     "campaign results": (campaign_table, ("paper",)),
     "summary results": (summary_table, ("paper",)),
     "messages": (lambda: grid(*counts.messages(results("paper"))), ("paper",)),
