@@ -34,8 +34,8 @@ def main(out: Path, path: Path | None) -> None:
     attacked = attack_all(marked, ATTACK, 1)
     pictures = sheet(panels(method, cover, marked, attacked), columns=3, width=1500)
     read = method.extract(marked, len(BITS), KEY)
-    step = float(read.note.split("step ")[1])
-    plot = combs([periods(method, mesh, step) for mesh in (cover, marked, attacked)], width=pictures.shape[1])
+    assert read.step is not None
+    plot = combs([periods(method, mesh, read.step) for mesh in (cover, marked, attacked)], width=pictures.shape[1])
     save_png(out, np.concatenate([pictures, plot]))
 
 
@@ -63,9 +63,9 @@ def panels(method: ShapeSpectrum, cover: object, marked: object, attacked: objec
 
 def periods(method: ShapeSpectrum, mesh: object, step: float) -> np.ndarray:
     """The 64 values of a mesh, in periods of their combs, as the reader first sees them."""
-    sights, _ = next(iter(method.sights(mesh)))
+    sights, _ = next(iter(method.observe(mesh)))
     projections = method.projections(KEY, len(BITS))
-    view = next(sights[0].views(projections))
+    view = next(sights[0].measurements(projections))
     return (view.values / step - projections.dither) % 1.0
 
 

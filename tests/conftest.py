@@ -1,17 +1,13 @@
 """Fixtures shared by all tests: the CC0 mesh kept in the repo, and real meshes where they are present."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from fixtures.paths import GOLDEN, ROOT, SHARED
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import TriangleMesh
-
-ROOT = Path(__file__).parent.parent
-GOLDEN = ROOT / "tests" / "golden"
-SHARED = Path(os.environ.get("O3DMARK_SHARED", ROOT.parent / "shared"))
 
 
 @pytest.fixture(scope="session")

@@ -7,11 +7,11 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
+from fixtures.small_campaign import ring
 from o3dmark.attacks import ATTACKS
 from o3dmark.campaign import find_spec, read_campaign, run_job
 from o3dmark.files import write_mesh
 from o3dmark.registry import describe, spec_of
-from small_campaign import ring
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
+from fixtures.small_campaign import TOML, campaign, comparable, ring
 from o3dmark.campaign import Campaign, Ledger, Outcome, load, process_pool, read_rows, run
 from o3dmark.campaign.folder import commit
 from o3dmark.errors import BackendError, SpecError
 from o3dmark.files import write_mesh
-from small_campaign import TOML, campaign, comparable, ring
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 CRASH = '''

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fixtures.small_campaign import TOML, campaign, ring
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.campaign import Job, Row, Source, read_campaign, run_job
 from o3dmark.campaign.checks import checked_attacks
@@ -19,7 +20,6 @@ from o3dmark.coding.detection import detect
 from o3dmark.files import write_mesh
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 from o3dmark.registry import option
-from small_campaign import TOML, campaign, ring
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 REAL = """

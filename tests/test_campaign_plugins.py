@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
+from fixtures.small_campaign import TOML, campaign
 from o3dmark.attacks import ATTACKS
 from o3dmark.campaign import Plugin, load, read_rows, run_job
 from o3dmark.campaign.plugins import load_plugins
 from o3dmark.cli import main
 from o3dmark.errors import SpecError
-from small_campaign import TOML, campaign
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 MINE = """

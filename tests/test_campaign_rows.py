@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from fixtures.small_campaign import TOML, campaign, comparable
 from o3dmark.campaign import Row, compact, describe_fields, load, read_rows, run, summarise
 from o3dmark.campaign.row import text_of
 from o3dmark.errors import BackendError, SpecError
-from small_campaign import TOML, campaign, comparable
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 CONTRACT = (  # of DESIGN.md: what others rely on

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.small_campaign import TOML, campaign, ring
 from o3dmark.campaign import Campaign, Gallery, find_spec, read_campaign
 from o3dmark.campaign.spec_file import SPECS, figures
 from o3dmark.errors import SpecError
 from o3dmark.files import write_mesh
-from small_campaign import TOML, campaign, ring
 
 pytestmark = pytest.mark.usefixtures("own_registries")
 FIGURES = "table,method,metric,condition,model,value\nnoise,theirs,corr,0.05%,Ring,0.9\n"

@@ -64,6 +64,7 @@ class Row:
     view: str | None = _column("how the mesh was seen in it", None)
     smoothing: str | None = _column("filter that was undone for it; null where none was", None)
     passes: int | None = _column("passes of that filter", None)
+    fitted: bool | None = _column("whether the frame was fitted in it", None)
     coherence: float | None = _column("how near its values lie to codewords: 1 on them, 0 at random", None)
     seconds: float | None = _column(
         "time of the reading; a mesh read under several keys is looked at in the first", None
