@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.coding.detection import Detection, detect
+from o3dmark.coding.detection import Detection
 from o3dmark.coding.keys import Key
 from o3dmark.coding.payload import CODES, Code, Decoded
 from o3dmark.errors import SpecError
@@ -94,9 +94,7 @@ class Watermark:
             return self.code.decode(
                 read.soft, key, hypotheses=read.hypotheses, false_positive_rate=false_positive_rate
             ).detection
-        expected = self.code.encode(message, self.n_bits, key)
-        read = read.nearest(expected)
-        return detect(read.soft, expected, false_positive_rate=false_positive_rate, hypotheses=read.hypotheses)
+        return read.detect(self.code.encode(message, self.n_bits, key), false_positive_rate=false_positive_rate)
 
     def embed_bits(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """Raw bits past the code: what the paper and the benchmark measure."""
@@ -111,11 +109,12 @@ class Watermark:
 
 
 def raw_dict(extraction: Extraction) -> dict[str, Any]:
-    """bits, soft and hypotheses of an extraction, ready for JSON."""
+    """An extraction, but for the readings not taken, ready for JSON."""
     return {
         "bits": bit_text(extraction.bits),
         "soft": [round(float(value), 4) for value in extraction.soft],
-        "hypotheses": extraction.hypotheses,
+        **{name: getattr(extraction, name) for name in ("hypotheses", "view", "step", "smoothing", "passes", "fitted")},
+        "coherence": extraction.coherence,
         "note": extraction.note,
     }
 

@@ -63,9 +63,9 @@ def panels(method: ShapeSpectrum, cover: object, marked: object, attacked: objec
 
 def periods(method: ShapeSpectrum, mesh: object, step: float) -> np.ndarray:
     """The 64 values of a mesh, in periods of their combs, as the reader first sees them."""
-    sights, _ = next(iter(method.sights(mesh)))
+    sights, _ = next(iter(method.observe(mesh)))
     projections = method.projections(KEY, len(BITS))
-    view = next(sights[0].views(projections))
+    view = next(sights[0].measurements(projections))
     return (view.values / step - projections.dither) % 1.0
 
 

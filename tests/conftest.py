@@ -1,17 +1,13 @@
 """Fixtures shared by all tests: the CC0 mesh kept in the repo, and real meshes where they are present."""
 
-import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from fixtures.paths import GOLDEN, ROOT, SHARED
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import TriangleMesh
-
-ROOT = Path(__file__).parent.parent
-GOLDEN = ROOT / "tests" / "golden"
-SHARED = Path(os.environ.get("O3DMARK_SHARED", ROOT.parent / "shared"))
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +37,24 @@ def carrier() -> TriangleMesh:
     from o3dmark.files import read_mesh
 
     return read_mesh(ROOT / "data_synthetic" / "bimba.ply")
+
+
+@pytest.fixture(scope="module")
+def own_registries() -> Iterator[None]:
+    """What plug-ins register is forgotten again after the tests of a file."""
+    import sys
+
+    from o3dmark.attacks import ATTACKS
+    from o3dmark.methods import METHODS
+    from o3dmark.metrics import METRICS
+
+    before = {registry: set(registry) for registry in (ATTACKS, METHODS, METRICS)}
+    yield
+    for registry, names in before.items():
+        for name in set(registry) - names:
+            del registry._classes[name]
+    for module in [name for name in sys.modules if name.startswith("o3dmark_plugin_")]:
+        del sys.modules[module]
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from conftest import SHARED
+from fixtures.paths import SHARED
 from o3dmark.attacks import ATTACKS, Attack, attack_all
 from o3dmark.errors import MeshError, O3dmarkError, SpecError
 from o3dmark.mesh import geometry

@@ -1,11 +1,11 @@
 """Attacks that forget the mesh: marching cubes, Poisson, simulated scans; and the points that they sample."""
 
 import numpy as np
-import pymeshlab
 import pytest
 from scipy.spatial import KDTree
 
-from o3dmark.attacks import ATTACKS, _marching, _meshlab, sampling
+from fixtures.references import meshlab_resampled
+from o3dmark.attacks import ATTACKS, _marching, sampling
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import MeshError
@@ -146,13 +146,6 @@ def test_resampling_has_the_cells_it_is_told() -> None:
     vertices, triangles = mesh_arrays(ATTACKS.make("resample:cells=10")(sphere()))
     edges = vertices[geometry.edges(triangles)]
     assert 0.19 < np.abs(np.diff(edges, axis=1)).max() < 0.2 + 1e-6
-
-
-def meshlab_resampled(mesh: TriangleMesh, cells: int) -> TriangleMesh:
-    extent = mesh.get_max_bound() - mesh.get_min_bound()
-    cell = _meshlab.length(float(extent.max() / cells / np.linalg.norm(extent)))
-    march = {"cellsize": cell, "offset": pymeshlab.PercentageValue(50.0)}  # 50: none
-    return triangle_mesh(*_meshlab.apply(*mesh_arrays(mesh), ("generate_resampled_uniform_mesh", march)))
 
 
 def test_resampling_gives_what_meshlab_gives(spot: TriangleMesh) -> None:

@@ -1,112 +1,48 @@
 """A campaign's rows depend on the campaign alone: not on the executor, nor on how often it was interrupted."""
 
 import dataclasses
-import itertools
 import json
-from collections import Counter
-from collections.abc import Iterator
+import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from conftest import GOLDEN
-from o3dmark.campaign import Campaign, Ledger, load, process_pool, read_rows, run, run_job, trial
-from o3dmark.campaign import job as job_module
-from o3dmark.coding.keys import Key
+from fixtures.small_campaign import TOML, campaign, comparable, ring
+from o3dmark.campaign import Campaign, Ledger, Outcome, load, process_pool, read_rows, run
+from o3dmark.campaign.folder import commit
 from o3dmark.errors import BackendError, SpecError
 from o3dmark.files import write_mesh
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 
-CONTRACT = (
-    *("mesh", "method", "attack", "seed", "n_bits", "bit_errors", "corr", "message_ok", "p_value"),
-    *("mrms", "hausdorff", "msdm", "seconds", "version", "failure"),
-)
-TIMES = ("seconds", "embed_seconds")
-TOML = """
-title = "small"
-bits = 16
-seeds = [0, 5]
-wrong_keys = 1
-metrics = ["mrms:samples=2000"]
-[meshes]
-Ring = "ring.ply"
-[methods]
-informed = "saliency-scs:sync=informed,search=false,sigma=1"
-sphere = "saliency-scs:search=false,sigma=1"
-[attacks.noise]
-"0.05%" = "noise:amplitude=0.0005"
-[attacks.cropping]
-"10%, shuffled" = ["crop:share=0.1", "reorder"]
-"""
+pytestmark = pytest.mark.usefixtures("own_registries")
+CRASH = '''
+import os, signal
+from dataclasses import dataclass
+from o3dmark.attacks import ATTACKS, Attack
 
-
-def ring() -> TriangleMesh:
-    """A rough torus of 900 vertices: enough for 16 bits, and quick."""
-    torus = TriangleMesh.create_torus(1.0, 0.4, 45, 20)
-    vertices, triangles = mesh_arrays(torus)
-    rough = np.random.default_rng(1).uniform(-0.03, 0.03, vertices.shape)
-    return triangle_mesh(vertices * [1.0, 0.8, 1.3] + rough, triangles)
-
-
-def campaign(tmp_path: Path, text: str = TOML, **options: Any) -> Campaign:
-    path = tmp_path / "campaign.toml"
-    path.write_text(text)
-    write_mesh(tmp_path / "ring.ply", ring())
-    return Campaign.read(path, **options)
-
-
-def comparable(rows: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows without their timing, in an order that depends on nothing else."""
-    kept = [{name: value for name, value in row.items() if name not in TIMES} for row in rows]
-    return sorted(kept, key=json.dumps)
+@ATTACKS.register("crash")
+@dataclass(frozen=True)
+class Crash(Attack):
+    """Ends its process when it sees a large mesh."""
+    def attack(self, mesh, rng):
+        if len(mesh.vertices) > 850:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return type(mesh)(mesh)
+'''
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(own_registries: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the small campaign, run in one go."""
     folder = tmp_path_factory.mktemp("whole")
-    assert [event.done for event in run(campaign(folder), folder / "out")] == [0, 1, 2, 3, 4]
+    assert [event.done for event in run(campaign(folder), folder / "out", command="o3dmark bench")] == [0, 1, 2, 3, 4]
     return folder / "out"
-
-
-def test_every_reading_is_a_row_with_the_fields_of_the_contract(whole: Path) -> None:
-    rows = list(read_rows(whole))
-    assert len(rows) == 2 * 2 * (1 + 2 + 1)
-    assert len({(row["label"], row["seed"], row["group"], row["condition"]) for row in rows}) == len(rows)
-    for row in rows:
-        assert set(CONTRACT) <= row.keys()
-        assert row["failure"] is None
-        assert row["message_ok"] is None  # 16 bits carry no message
-        assert 0 <= row["bit_errors"] <= 16
-        assert 0 < row["mrms"] <= 6e-4
-        assert row["hausdorff"] is None is row["msdm"]  # not asked for
-    read = {row["group"]: row["corr"] for row in rows if row["label"] == "informed"}
-    assert read["no attack"] == read["noise"] == 1.0
-    strangers = [row["bit_errors"] for row in rows if row["group"] == "wrong key"]
-    assert 2 <= np.mean(strangers) <= 14
-
-
-def test_a_row_is_what_the_watermark_says(tmp_path: Path) -> None:
-    job = next(campaign(tmp_path).jobs())
-    marked, row = trial(job), run_job(job)[0]
-    read = marked.watermark.extract_bits(marked.marked, marked.key, reference=marked.cover)
-    assert row["bit_errors"] == np.count_nonzero(read.bits != marked.expected(marked.key, job.seed))
-    assert row["hypotheses"] == read.hypotheses
-    with pytest.raises(AssertionError):
-        np.testing.assert_array_equal(np.asarray(marked.cover.vertices), np.asarray(marked.marked.vertices))
-
-
-def test_bits_that_carry_a_message_are_decoded(tmp_path: Path) -> None:
-    text = TOML.replace("bits = 16", "bits = 32").replace("seeds = [0, 5]", "seeds = [3]")
-    job = next(campaign(tmp_path, text).jobs())
-    rows = {row["group"]: row for row in run_job(dataclasses.replace(job, cases=()))}
-    assert rows["no attack"]["message_ok"] is True
-    assert rows["no attack"]["message_p_value"] < 1e-4
-    assert rows["wrong key"]["message_ok"] is False is rows["wrong key"]["message_read"]
 
 
 def test_interrupted_and_resumed_gives_the_same_rows(tmp_path: Path, whole: Path) -> None:
@@ -114,22 +50,35 @@ def test_interrupted_and_resumed_gives_the_same_rows(tmp_path: Path, whole: Path
     events = run(plan, tmp_path / "out")
     next(events), next(events)
     events.close()  # as an interrupt does
-    rows = (tmp_path / "out" / "rows.jsonl").read_text()
     with (tmp_path / "out" / "rows.jsonl").open("a") as file:  # as a kill in the midst of a write does
         lost = (whole / "rows.jsonl").read_text().splitlines(keepends=True)[-6:]
         file.write("".join(lost)[:-9])
     again = list(run(plan, tmp_path / "out"))
-    assert again[0].done == 1, rows
+    assert again[0].done == 1
     assert len(again) == 1 + 3
     assert comparable(read_rows(tmp_path / "out")) == comparable(read_rows(whole))
     assert [event.done for event in run(plan, tmp_path / "out")] == [4]  # nothing is repeated
+
+
+def test_killed_and_resumed_gives_the_same_rows(tmp_path: Path, whole: Path) -> None:
+    plan = campaign(tmp_path)
+    words = [sys.executable, "-m", "o3dmark", "bench", "campaign.toml", "--out", "out", "--workers", "1"]
+    process = subprocess.Popen(words, cwd=tmp_path, start_new_session=True)
+    rows, end = tmp_path / "out" / "rows.jsonl", time.monotonic() + 100
+    while time.monotonic() < end and process.poll() is None and not (rows.exists() and rows.stat().st_size):
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert rows.stat().st_size
+    assert list(run(plan, tmp_path / "out"))[-1].done == 4
+    assert comparable(read_rows(tmp_path / "out")) == comparable(read_rows(whole))
 
 
 def test_whatever_prefix_is_on_the_disk_whole_jobs_are_kept(tmp_path: Path, whole: Path) -> None:
     jobs = list(campaign(tmp_path).jobs())
     data = (whole / "rows.jsonl").read_bytes()
     ends = {0, *(len(b"".join(data.splitlines(keepends=True)[: 4 * n])) for n in range(5))}
-    for cut in {*range(0, len(data), 97), *ends, *(end - 1 for end in ends if end), len(data) - 2}:
+    for cut in {*range(0, len(data), 197), *ends, *(end - 1 for end in ends if end), len(data) - 2}:
         (tmp_path / "rows.jsonl").write_bytes(data[:cut])
         with Ledger(tmp_path, jobs) as ledger:
             assert len(ledger.done) == sum(0 < end <= cut for end in ends)
@@ -157,35 +106,23 @@ def test_dask_gives_the_same_rows(tmp_path: Path, whole: Path) -> None:
     assert comparable(read_rows(tmp_path / "out")) == comparable(read_rows(whole))
 
 
-def test_a_failing_attack_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(mesh: Any, attacks: Any, rng: Any) -> Any:
-        if attacks:
-            raise RuntimeError("out of luck")
-        return mesh
-
-    monkeypatch.setattr(job_module, "attack_all", broken)
-    rows = run_job(next(campaign(tmp_path).jobs()))
-    assert Counter(row["failure"] for row in rows) == {None: 2, "RuntimeError: out of luck": 2}
-    assert all(set(CONTRACT) <= row.keys() for row in rows)
-    assert {row["corr"] for row in rows if row["failure"]} == {None}
-    assert all(row["mrms"] > 0 for row in rows)
-
-
-def test_a_mesh_that_cannot_be_marked_fails_in_every_row(tmp_path: Path) -> None:
-    job = next(campaign(tmp_path, TOML.replace("bits = 16", "bits = 4000")).jobs())
-    rows = run_job(job)
-    assert len(rows) == len(job.readings)
-    assert all(row["failure"].startswith("marking: CapacityError: 4000 bits") for row in rows)
-
-
-def test_a_file_that_has_changed_is_not_measured(tmp_path: Path) -> None:
-    job = next(campaign(tmp_path).jobs())
-    write_mesh(tmp_path / "ring.ply", TriangleMesh.create_sphere(1.0, 25))
-    assert all("is not the file" in row["failure"] for row in run_job(job))
+def test_the_job_that_kills_its_process_has_failed_and_the_others_go_on(tmp_path: Path) -> None:
+    (tmp_path / "crash.py").write_text(CRASH)
+    write_mesh(tmp_path / "small.ply", ring(30))
+    text = TOML.replace('"toy.py"', '"toy.py", "crash.py"').replace('"ring.ply"', '"ring.ply"\nSmall = "small.ply"')
+    text = text.replace('two = "toy:needs=true"', "").replace("[0, 5]", "1")
+    plan = campaign(tmp_path, text.replace('["crop:share=0.1", "reorder"]', '"crash"'))
+    with process_pool(1) as pool:
+        events = list(run(plan, tmp_path / "out", pool, in_flight=2))
+    assert [event.done for event in events] == [0, 1, 2]
+    rows = list(read_rows(tmp_path / "out"))
+    assert len(rows) == 8
+    assert {(row.mesh, row.failure) for row in rows} == {("Ring", "the process ended by SIGKILL"), ("Small", None)}
+    assert {row.outcome for row in rows} == {"ok", "failed"}
 
 
 class Mortal(Executor):
-    """Its workers do the first job and die of the next."""
+    """Somebody's executor: it does the first job and dies of the next."""
 
     def __init__(self) -> None:
         self.submitted = 0
@@ -194,16 +131,16 @@ class Mortal(Executor):
         self.submitted += 1
         future: Future[Any] = Future()
         if self.submitted == 1:
-            future.set_result([{"job": arguments[0].id, "failure": None}])
+            future.set_result(call(*arguments))
         else:
             future.set_exception(BrokenProcessPool("killed"))
         return future
 
 
-def test_a_dead_worker_ends_the_run_and_keeps_what_is_finished(tmp_path: Path) -> None:
-    with pytest.raises(BackendError, match="Ring with sphere"):
-        list(run(campaign(tmp_path), tmp_path, Mortal(), in_flight=1))
-    assert len(list(read_rows(tmp_path))) == 1
+def test_another_executor_that_dies_ends_the_run_and_what_is_finished_is_kept(tmp_path: Path) -> None:
+    with pytest.raises(BackendError, match="Ring with two"):
+        list(run(campaign(tmp_path), tmp_path / "out", Mortal(), in_flight=1))
+    assert len(list(read_rows(tmp_path / "out"))) == 4
 
 
 def test_no_more_than_so_many_jobs_are_in_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,40 +152,11 @@ def test_no_more_than_so_many_jobs_are_in_flight(tmp_path: Path, monkeypatch: py
             self.most = max(self.most, self.waiting)
             return super().submit(call, *arguments, **options)
 
-    monkeypatch.setattr("o3dmark.campaign.execution.run_job", lambda job: [{"job": job.id}])
+    monkeypatch.setattr("o3dmark.campaign.execution.run_job", lambda _: Outcome(()))
     with Counting(1) as executor:
         for event in run(campaign(tmp_path), tmp_path, executor, in_flight=2):
             executor.waiting -= event.job is not None
     assert executor.most == 2
-
-
-def test_the_hash_names_the_content_and_not_the_folder(tmp_path: Path) -> None:
-    first, *others = campaign(tmp_path).jobs()
-    assert first.id == next(campaign(tmp_path).jobs()).id
-    assert len({first.id, *(job.id for job in others)}) == 1 + len(others)
-    moved = dataclasses.replace(first.mesh, source="/elsewhere/ring.ply")
-    assert dataclasses.replace(first, mesh=moved).id == first.id
-    changes: list[dict[str, Any]] = [{"seed": 9}, {"n_bits": 17}, {"wrong_keys": 0}, {"cases": first.cases[:1]}]
-    changes += [{"mesh": dataclasses.replace(first.mesh, digest="0")}, {"metrics": ()}, {"method": "shape-spectrum"}]
-    assert len({dataclasses.replace(first, **change).id for change in changes} | {first.id}) == 1 + len(changes)
-
-
-def test_a_hash_stays_what_it_was() -> None:
-    """Written by the first version: rows kept since then must not be measured again."""
-    from o3dmark.campaign import Case, Job, Source
-
-    cases = (Case("noise", "0.05%", ("noise:amplitude=0.0005",)),)
-    job = Job(Source("Bimba", "bimba"), "a", "saliency-scs", 64, "random", 0, cases, 2, ("mrms",))
-    assert job.id == "1e1e4f94142baa3a"
-
-
-def test_a_campaign_survives_json_and_its_folder_tells_of_it(tmp_path: Path, whole: Path) -> None:
-    plan = campaign(tmp_path)
-    assert Campaign.from_dict(json.loads(json.dumps(plan.to_dict()))) == plan
-    kept, about = load(whole)
-    assert [mesh.digest for mesh in kept.meshes] == [mesh.digest for mesh in plan.meshes]
-    assert list(kept.jobs())[3].id == list(plan.jobs())[3].id
-    assert about.keys() >= {"command", "started", "version", "machine"}
 
 
 def test_a_folder_belongs_to_one_campaign_and_one_process(tmp_path: Path, whole: Path) -> None:
@@ -262,69 +170,67 @@ def test_a_folder_belongs_to_one_campaign_and_one_process(tmp_path: Path, whole:
         load(tmp_path)
 
 
-def test_real_meshes_replace_their_stand_ins(tmp_path: Path) -> None:
-    text = TOML.replace("ring.ply", "vase") + '[real]\nRing = "spot.ply"\n'
-    assert [mesh.public for mesh in campaign(tmp_path, text).meshes] == ["vase"]
-    (mesh,) = campaign(tmp_path, text, real=GOLDEN).meshes
-    assert (mesh.name, mesh.public, len(mesh.digest)) == ("Ring", "spot.ply", 64)
-    assert str(GOLDEN) not in json.dumps(dataclasses.asdict(mesh) | {"source": mesh.public})
+def test_a_folder_tells_of_its_campaign_and_methods_without_the_machine_s_folders(tmp_path: Path, whole: Path) -> None:
+    plan, kept = campaign(tmp_path), load(whole)
+    assert [job.id for job in kept.campaign.jobs()] == [job.id for job in plan.jobs()]
+    assert Campaign.from_dict(json.loads(json.dumps(plan.to_dict()))) == kept.campaign
+    assert kept.methods["two"] == {
+        "spec": "toy:needs=true",
+        "says": "The parity of the first vertices' x coordinates.",
+        "needs": "key alone (blind)",
+        "options": "needs = 1 ()",
+    }
+    assert str(whole.parent) not in (whole / "campaign.json").read_text()
 
 
-def test_globs_name_meshes_by_their_files(tmp_path: Path) -> None:
-    (tmp_path / "scans").mkdir()
-    for name in ("b", "a"):
-        write_mesh(tmp_path / "scans" / f"{name}.ply", ring())
-    plan = campaign(tmp_path, f'files = ["scans/*.ply"]\n{TOML}')
-    assert [mesh.name for mesh in plan.meshes] == ["Ring", "a", "b"]
+def test_every_run_that_computed_rows_is_told_of(tmp_path: Path, whole: Path) -> None:
+    plan = campaign(tmp_path)
+    assert next(run(plan, tmp_path / "out", command="looked only")).done == 0
+    assert load(tmp_path / "out").runs == ()
+    events = run(plan, tmp_path / "out", command="first")
+    next(events), next(events)
+    events.close()
+    for command in ("second", "third"):  # the third finds nothing to do
+        list(run(plan, tmp_path / "out", command=command))
+    runs = load(tmp_path / "out").runs
+    assert [each.command for each in runs] == ["first", "second"]
+    (only,) = load(whole).runs
+    assert dataclasses.asdict(only).keys() == {"command", "started", "version", "commit", "machine", "python"}
+    assert only.commit == commit()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        ("bits = 16", "bits = 0", "bits: "),
-        ("bits = 16", 'bits = "many"', "bits: "),
-        ("bits = 16", "bitz = 16", "bitz: .*did you mean 'bits'"),
-        ("seeds = [0, 5]", "seeds = [1, 1]", "seeds: .*twice"),
-        ("seeds = [0, 5]", "seeds = 0.5", "seeds: "),
-        ("wrong_keys = 1", "wrong_keys = -1", "wrong_keys: "),
-        ('["mrms:samples=2000"]', '["mrmz"]', "metrics: .*mrms"),
-        ('["mrms:samples=2000"]', '["mrms", "mrms:samples=9"]', "metrics: .*twice"),
-        ('["mrms:samples=2000"]', '"mrms"', "metrics: should be a list"),
-        ("ring.ply", "none.ply", "meshes.Ring: cannot read"),
-        ('"ring.ply"', '"sput"', "meshes.Ring: no shape is called 'sput'"),
-        ("saliency-scs:sync=informed", "magic:a=1", "methods.informed: no method is called 'magic'"),
-        ("sync=informed", "sync=other", "methods.informed: "),
-        ("noise:amplitude=0.0005", "noise:size=1", "attacks.noise.0.05%: .*no option 'size'"),
-        ('["crop:share=0.1", "reorder"]', "7", "attacks.cropping.10%, shuffled: "),
-        ("[attacks.noise]", '[attacks."no attack"]', "attacks.no attack: "),
-        ("[meshes]", '[imperceptibility]\nx = "y"\n[meshes]', "imperceptibility.x: 'y' is none of informed, sphere"),
-        ("[meshes]", '[gallery]\nattacks = ["noise/9%"]\n[meshes]', "gallery.attacks: 'noise/9%'"),
-        ("[meshes]", "[gallery]\nsize = 3\n[meshes]", "gallery.size: no such key"),
-        ("[meshes]", "[shapes]", "shapes: no such key"),
-        ("[meshes]", 'code = "x"\n[meshes]', "code: no code is called 'x'"),
-        ('title = "small"', "title = small", "cannot read the campaign"),
-    ],
-)
-def test_mistakes_in_the_file_are_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:
-    assert old in TOML
-    with pytest.raises(SpecError, match=complaint):
-        campaign(tmp_path, TOML.replace(old, new))
+def test_the_commit_is_the_package_s_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*words: str) -> str:
+        identity = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        return subprocess.run(
+            ["git", *identity, *words], cwd=tmp_path, check=True, capture_output=True, text=True
+        ).stdout
+
+    package = tmp_path / "venv" / "o3dmark"
+    package.mkdir(parents=True)
+    (package / "_version.py").write_text("1")
+    monkeypatch.setattr("o3dmark.campaign.folder._PACKAGE", package)
+    git("init")
+    git("commit", "--allow-empty", "-m", "somebody's project")
+    assert commit() is None  # the package lies in it, as in a virtual environment, and is no part of it
+    git("add", "venv")
+    git("commit", "-m", "the package")
+    assert commit() == git("rev-parse", "--short", "HEAD").strip()
+    (tmp_path / "rows.csv").write_text("results are no change of the program")
+    assert "+" not in str(commit())
+    (package / "_version.py").write_text("2")
+    assert commit() == git("rev-parse", "--short", "HEAD").strip() + "+changes"
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match=r"nowhere\.toml"):
-        Campaign.read(tmp_path / "nowhere.toml")
-
-
-@pytest.mark.parametrize("name", ["quick", "paper", "stress"])
-def test_the_campaigns_of_the_repo_are_sound(name: str) -> None:
-    path = Path(__file__).parent.parent / "scripts" / "campaigns" / f"{name}.toml"
-    plan = Campaign.read(path)
-    assert not any(mesh.digest for mesh in plan.meshes), "synthetic meshes only"
-    assert len({job.id for job in plan.jobs()}) == len(plan.meshes) * len(plan.methods) * len(plan.seeds)
-
-
-def test_keys_of_campaigns_differ() -> None:
-    keys = [job_module.key_of(label) for label in ("seed 0", "seed 1", "stranger 1 of seed 0")]
-    assert all(isinstance(key, Key) for key in keys)
-    assert all(one != other for one, other in itertools.combinations(keys, 2))
+def test_meshes_can_be_measured_one_after_the_other(tmp_path: Path) -> None:
+    text = TOML.replace('"ring.ply"', '"ring.ply"\nAgain = "ring.ply"')
+    list(run(campaign(tmp_path, text), tmp_path / "all"))
+    for name in ("again", "RING"):
+        list(run(campaign(tmp_path, text, only=[name]), tmp_path / "out"))
+        assert {row.mesh for row in read_rows(tmp_path / "out")} == {"Again", "Ring"} - (
+            {"Ring"} if name == "again" else set()
+        )
+    assert comparable(read_rows(tmp_path / "out")) == comparable(read_rows(tmp_path / "all"))
+    assert {mesh.name for mesh in load(tmp_path / "out").campaign.meshes} == {"Again", "Ring"}
+    with pytest.raises(SpecError, match="--only: 'wing' is none of Ring, Again"):
+        campaign(tmp_path, text, only=["wing"])

@@ -11,9 +11,9 @@ Provenance of tests/golden/saliency_spot.npz (2026-11-22, a row a vertex of spot
 
 import numpy as np
 import pytest
-from test_geometry import icosphere
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.shapes import icosphere
 from o3dmark.files import read_mesh
 from o3dmark.mesh import geometry
 from o3dmark.mesh.curvature import of_points, taubin

@@ -8,9 +8,9 @@ import struct
 
 import numpy as np
 import pytest
-from test_files import ascii_ply, binary_ply
-from test_geometry import icosphere
 
+from fixtures.ply import ascii_ply, binary_ply
+from fixtures.shapes import icosphere
 from o3dmark.errors import MeshError, O3dmarkError
 from o3dmark.files import FORMATS, read_mesh, read_shape
 from o3dmark.mesh.saliency import Saliency
@@ -203,8 +203,8 @@ def surface_or_refusal(path):
     assert np.isfinite(surface.vertices).all()
     assert surface.area > 0
     assert 0 <= surface.triangles.min() <= surface.triangles.max() == len(surface.vertices) - 1
-    assert -1 <= surface.origin.min() <= surface.origin.max() == len(surface.vertices) - 1
-    assert len(surface.origin) == len(mesh.vertices)
+    assert -1 <= surface.vertex_map.min() <= surface.vertex_map.max() == len(surface.vertices) - 1
+    assert len(surface.vertex_map) == len(mesh.vertices)
     return mesh, surface
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh

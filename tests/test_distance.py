@@ -6,7 +6,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.shapes import UNIT_SQUARE, mapped, noisy
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
@@ -14,16 +15,6 @@ from o3dmark.metrics import METRICS
 from o3dmark.metrics.distance import MRMS, Hausdorff, sample_points, surface_distance
 
 FEW = 20_000
-SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def moved(mesh, function):
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(function(vertices), triangles)
-
-
-def noisy(mesh, amplitude, seed=0):
-    return moved(mesh, lambda v: v + amplitude * np.random.default_rng(seed).normal(size=v.shape))
 
 
 def cube(side):
@@ -36,7 +27,8 @@ def golden():
 
 
 def test_a_lifted_square_is_everywhere_at_its_height():
-    distance = surface_distance(triangle_mesh(*SQUARE), triangle_mesh(SQUARE[0] + [0, 0, 0.25], SQUARE[1]), samples=FEW)
+    flat = triangle_mesh(*UNIT_SQUARE)
+    distance = surface_distance(flat, mapped(flat, lambda v: v + np.array([0, 0, 0.25])), samples=FEW)
     for length in (distance.rms_forward, distance.rms_backward, distance.max_forward, distance.max_backward):
         assert length * np.sqrt(2) == pytest.approx(0.25, rel=1e-12)
     assert distance.diagonal == pytest.approx(np.sqrt(2))
@@ -71,13 +63,13 @@ class TestAxioms:
 
     def test_of_both_meshes_moved_and_scaled(self, metric, spot):
         other = noisy(spot, 0.01)
-        alike = metric(*(moved(mesh, lambda v: 1e-3 * v + [5.0, 3, -2]) for mesh in (spot, other)))
+        alike = metric(*(mapped(mesh, lambda v: 1e-3 * v + [5.0, 3, -2]) for mesh in (spot, other)))
         assert alike == pytest.approx(metric(spot, other), rel=1e-9)
 
     def test_of_both_meshes_turned(self, metric, spot):
         other = noisy(spot, 0.01)
         turn = o3d.geometry.get_rotation_matrix_from_xyz([0.3, 1.0, 2.0])
-        turned = [moved(mesh, lambda v: v @ turn.T) for mesh in (spot, other)]
+        turned = [mapped(mesh, lambda v: v @ turn.T) for mesh in (spot, other)]
         lengths = metric(*turned) * Surface.of(turned[0]).diagonal, metric(spot, other) * Surface.of(spot).diagonal
         assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
 

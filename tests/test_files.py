@@ -6,36 +6,12 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+from fixtures.ply import PLY_HEADER, ascii_ply, binary_ply
 from o3dmark.errors import MeshError
 from o3dmark.files import FORMATS, read_mesh, read_points, read_shape, replacing, write_mesh
 from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 
 CORNERS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
-PLY_HEADER = """ply
-format {format} 1.0
-element vertex {vertices}
-property {kind} x
-property {kind} y
-property {kind} z
-element face {faces}
-property list uchar int vertex_indices
-end_header
-"""
-
-
-def ascii_ply(vertices, faces, body):
-    return PLY_HEADER.format(format="ascii", kind="float", vertices=vertices, faces=faces) + body
-
-
-def binary_ply(vertices, triangles, *, kind="double", order="little"):
-    """The bytes of a binary PLY in single or double precision, written without Open3D."""
-    sign = {"little": "<", "big": ">"}[order]
-    faces = np.empty(len(triangles), [("n", "u1"), ("corners", f"{sign}i4", 3)])
-    faces["n"], faces["corners"] = 3, np.reshape(triangles, (-1, 3))
-    counts = {"vertices": len(vertices), "faces": len(triangles)}
-    header = PLY_HEADER.format(format=f"binary_{order}_endian", kind=kind, **counts)
-    numbers = np.asarray(vertices).astype(sign + {"float": "f4", "double": "f8"}[kind])
-    return header.encode() + numbers.tobytes() + faces.tobytes()
 
 
 @pytest.fixture

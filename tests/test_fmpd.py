@@ -6,7 +6,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.shapes import noisy
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
@@ -20,11 +21,6 @@ AUTHORS = {
     "spot_lap10": 0.0827517823778986,
     "spot_quant8": 0.4323225151858834,
 }
-
-
-def noisy(mesh, amplitude, seed=0):
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(vertices + amplitude * np.random.default_rng(seed).normal(size=vertices.shape), triangles)
 
 
 def roughness_slowly(surface):

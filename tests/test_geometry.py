@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from fixtures.shapes import UNIT_SQUARE, icosphere
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import mesh_arrays
 
@@ -15,14 +16,6 @@ TETRAHEDRON = (
     np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
     np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
 )
-SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def icosphere(levels, radius=1.0):
-    """Vertices (n, 3) and triangles (m, 3) of an icosahedron, midpoint-subdivided and pushed out to ``radius``."""
-    mesh = o3d.geometry.TriangleMesh.create_icosahedron().subdivide_midpoint(levels)
-    vertices, triangles = mesh_arrays(mesh)
-    return radius * geometry.unit(vertices), triangles
 
 
 def open_strip(n):
@@ -41,7 +34,7 @@ def test_area_vectors_of_a_closed_surface_sum_to_zero(shape):
 
 
 def test_area_vectors_of_an_open_surface_do_not():
-    np.testing.assert_allclose(geometry.area_vectors(*SQUARE).sum(axis=0), [0, 0, 1])
+    np.testing.assert_allclose(geometry.area_vectors(*UNIT_SQUARE).sum(axis=0), [0, 0, 1])
 
 
 def test_area_vector_of_a_triangle_is_half_a_cross_product():
@@ -50,7 +43,7 @@ def test_area_vector_of_a_triangle_is_half_a_cross_product():
     np.testing.assert_allclose(geometry.area_vectors(vertices, np.array([[0, 1, 2]])), [expected])
 
 
-@pytest.mark.parametrize("shape", [*CLOSED.values(), SQUARE, open_strip(5)])
+@pytest.mark.parametrize("shape", [*CLOSED.values(), UNIT_SQUARE, open_strip(5)])
 def test_vertex_areas_sum_to_the_area(shape):
     assert geometry.vertex_areas(*shape).sum() == pytest.approx(geometry.areas(*shape).sum(), rel=1e-14)
 
@@ -173,7 +166,7 @@ def test_neighbour_mean_has_rows_that_sum_to_one(shape):
 
 
 def test_neighbour_mean_of_an_unused_vertex_is_zero():
-    assert geometry.neighbour_mean(SQUARE[1], 5)[[4]].nnz == 0
+    assert geometry.neighbour_mean(UNIT_SQUARE[1], 5)[[4]].nnz == 0
 
 
 def weld_slowly(vertices):

@@ -10,7 +10,7 @@ from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import Surface, TriangleMesh
 from o3dmark.methods import Extraction
-from o3dmark.methods.shape_spectrum.fragment import _fitted, _gaps, _Host, _Points, read_fragment
+from o3dmark.methods.shape_spectrum.fragment import _correspondences, _CoverModel, _fitted, _Points, read_fragment
 from o3dmark.methods.shape_spectrum.lattice import closest_vectors
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 
@@ -25,9 +25,9 @@ def marked(spot: TriangleMesh, key: Key) -> TriangleMesh:
 
 
 @pytest.fixture(scope="module")
-def host(spot: TriangleMesh, key: Key) -> _Host:
+def host(spot: TriangleMesh, key: Key) -> _CoverModel:
     steps = METHOD.steps(len(BITS))
-    return _Host(METHOD.cover(Surface.of(spot), key, len(BITS)), steps)
+    return _CoverModel(METHOD.cover(Surface.of(spot), key, len(BITS)), steps)
 
 
 def read(mesh: TriangleMesh, cover: TriangleMesh, key: Key) -> Extraction:
@@ -47,7 +47,7 @@ def test_a_fragment_tells_all_bits(spot: TriangleMesh, marked: TriangleMesh, key
 @pytest.fixture
 def placed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fragments are taken to lie where they lie: finding that out has its own tests, and takes its time."""
-    monkeypatch.setattr("o3dmark.methods._informed.places_of", lambda *_: [np.eye(4)])
+    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: [np.eye(4)])
 
 
 @pytest.mark.usefixtures("placed")
@@ -76,7 +76,7 @@ def test_of_two_places_the_one_is_taken_where_the_mark_explains_more(
 ) -> None:
     wrong = np.eye(4)
     wrong[:3, 3] = 0.004
-    monkeypatch.setattr("o3dmark.methods._informed.places_of", lambda *_: [wrong @ wrong, np.eye(4)])
+    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: [wrong @ wrong, np.eye(4)])
     extraction = read(attack_all(marked, [CUT], rng=1), spot, key)
     assert np.array_equal(extraction.bits, BITS)
     assert extraction.hypotheses == 4 * len(METHOD.steps(len(BITS)))
@@ -87,45 +87,47 @@ def test_a_mesh_that_lies_nowhere_gives_no_bits(
     spot: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch, somewhere: list[np.ndarray]
 ) -> None:
     """Whether no place is found or too little of the cover is there."""
-    monkeypatch.setattr("o3dmark.methods._informed.places_of", lambda *_: somewhere)
+    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: somewhere)
     extraction = read(TriangleMesh.create_torus(1.0, 0.4, 40, 20), spot, key)
     assert not extraction.soft.any()
-    assert "nowhere" in extraction.note
+    assert "nowhere" in extraction.view
 
 
 # The model
 
 
-def test_motions_change_the_projections_as_they_say(host: _Host) -> None:
+def test_motions_change_the_projections_as_they_say(host: _CoverModel) -> None:
     """To first order, each by one: the derivative of the values, in the moved solid's own frame, is the identity."""
     change = np.random.default_rng(0).normal(size=len(host.cover.values))
     change *= 0.2 * host.step / np.abs(change).max()
-    slope = host.cover.measured(host.cover.moved(change)) - host.cover.measured(host.cover.moved(-change))
+    slope = host.cover.project(host.cover.moved(change)) - host.cover.project(host.cover.moved(-change))
     assert np.abs(slope / 2.0 - change).max() < 0.05 * np.abs(change).max()
 
 
-def test_the_marked_mesh_lies_on_the_cover_once_that_is_moved_alike(host: _Host) -> None:
+def test_the_marked_mesh_lies_on_the_cover_once_that_is_moved_alike(host: _CoverModel) -> None:
     change = np.random.default_rng(1).normal(size=len(host.cover.values)) * 0.3 * host.step
     there = host.surface.moved(host.cover.moved(change))
-    gaps = _gaps(host, change, _Points.of(there), host.flows)
+    gaps = _correspondences(host, change, _Points.of(there), host.modes)
     assert np.abs(gaps.d).max() < 1e-12 * host.surface.diagonal
     assert len(gaps.d) > 0.99 * len(there.vertices)
 
 
-def test_distances_answer_to_the_change_as_functions_say(host: _Host) -> None:
+def test_distances_answer_to_the_change_as_functions_say(host: _CoverModel) -> None:
     change = np.random.default_rng(2).normal(size=len(host.cover.values)) * 0.05 * host.step
-    gaps = _gaps(host, np.zeros_like(change), _Points.of(host.surface.moved(host.cover.moved(change))), host.flows)
+    gaps = _correspondences(
+        host, np.zeros_like(change), _Points.of(host.surface.moved(host.cover.moved(change))), host.modes
+    )
     error = gaps.d - gaps.functions @ change
     assert np.sqrt(np.mean(error**2)) < 0.05 * np.sqrt(np.mean(gaps.d**2))
 
 
-def test_a_half_seen_change_is_found(host: _Host, spot: TriangleMesh) -> None:
+def test_a_half_seen_change_is_found(host: _CoverModel, spot: TriangleMesh) -> None:
     """Without noise, half of the surface tells the change of all projections."""
     change = np.random.default_rng(3).normal(size=len(host.cover.values)) * 0.2 * host.step
     there = host.surface.moved(host.cover.moved(change))
     points = _Points.of(there)
     half = _Points(*(column[points.positions[:, 2] > 0.0] for column in points))
-    fit = _fitted(host, half, np.eye(4), host.flows)
+    fit = _fitted(host, half, np.eye(4), host.modes)
     assert fit is not None
     assert np.abs(fit.change - change).max() < 0.01 * host.step
 

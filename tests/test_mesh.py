@@ -45,8 +45,12 @@ def test_surface_of_a_clean_mesh_is_the_mesh(spot):
     surface = Surface.of(spot)
     np.testing.assert_array_equal(surface.vertices, vertices)
     np.testing.assert_array_equal(surface.triangles, triangles)
-    np.testing.assert_array_equal(surface.origin, np.arange(len(vertices)))
-    assert (surface.vertices.dtype, surface.triangles.dtype, surface.origin.dtype) == (np.float64, np.int64, np.int64)
+    np.testing.assert_array_equal(surface.vertex_map, np.arange(len(vertices)))
+    assert (surface.vertices.dtype, surface.triangles.dtype, surface.vertex_map.dtype) == (
+        np.float64,
+        np.int64,
+        np.int64,
+    )
 
 
 def test_surface_and_with_vertices_leave_the_mesh_as_it_is(dressed):
@@ -68,7 +72,7 @@ def test_plain_arrays_are_copied():
 def test_arrays_of_a_surface_are_read_only():
     surface = Surface.from_arrays(VERTICES, TRIANGLES)
     for surface_ in (surface, surface.moved(2 * VERTICES)):
-        for array in (surface_.vertices, surface_.triangles, surface_.origin):
+        for array in (surface_.vertices, surface_.triangles, surface_.vertex_map):
             with pytest.raises(ValueError, match="read-only"):
                 array[0] = 0
 
@@ -117,7 +121,7 @@ def test_vertices_of_no_triangle_have_no_row():
     vertices = np.vstack([[[5.0, 5, 5]], VERTICES, [[7.0, 7, 7]]])
     surface = Surface.from_arrays(vertices, TRIANGLES + 1)
     np.testing.assert_array_equal(surface.vertices, VERTICES)
-    np.testing.assert_array_equal(surface.origin, [-1, *range(len(VERTICES)), -1])
+    np.testing.assert_array_equal(surface.vertex_map, [-1, *range(len(VERTICES)), -1])
 
 
 def test_a_coordinate_that_is_not_finite_is_refused_even_where_no_triangle_is():
@@ -166,7 +170,7 @@ def test_all_copies_of_a_seam_vertex_move_together(spot):
     rng = np.random.default_rng(0)
     marked = with_vertices(mesh, surface, surface.vertices + 1e-3 * rng.normal(size=surface.vertices.shape))
     again = Surface.of(marked)
-    np.testing.assert_array_equal(again.origin, surface.origin)
+    np.testing.assert_array_equal(again.vertex_map, surface.vertex_map)
     np.testing.assert_array_equal(again.triangles, surface.triangles)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fixtures.shapes import bits_of
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
@@ -14,10 +15,6 @@ from o3dmark.methods import METHODS, Method
 from o3dmark.registry import spec_of
 
 pytestmark = pytest.mark.parametrize("name", list(METHODS))
-
-
-def bits_of(seed: int, n: int = 16) -> np.ndarray:
-    return np.unpackbits(np.frombuffer(hashlib.sha256(bytes([seed])).digest(), np.uint8))[:n]
 
 
 def test_reads_what_it_wrote_and_leaves_the_cover_alone(name: str, carrier: Any, key: Key) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fixtures.shapes import mapped
 from o3dmark.attacks import ATTACKS
 from o3dmark.errors import MeshError
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
@@ -19,11 +20,6 @@ TRIANGLE_INEQUALITY = ["hausdorff", "max_displacement", "rms_displacement"]
 
 def noisy(mesh: TriangleMesh, amplitude: float, seed: int = 0) -> TriangleMesh:
     return ATTACKS.make({"name": "noise", "amplitude": amplitude})(mesh, seed)
-
-
-def mapped(mesh: TriangleMesh, scale: float, shift: float) -> TriangleMesh:
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(scale * vertices + shift, triangles)
 
 
 def length(spec: str, one: TriangleMesh, other: TriangleMesh) -> float:
@@ -66,7 +62,7 @@ class TestEveryMetric:
 
     def test_has_no_unit(self, spec: str, spot: TriangleMesh) -> None:
         metric, other = METRICS.make(spec), noisy(spot, 1e-3)
-        alike = metric(mapped(spot, 25.4, 3.0), mapped(other, 25.4, 3.0))
+        alike = metric(*(mapped(mesh, lambda v: 25.4 * v + 3.0) for mesh in (spot, other)))
         assert alike == pytest.approx(metric(spot, other), rel=2e-3)
 
     def test_leaves_both_meshes_alone(self, spec: str, spot: TriangleMesh) -> None:

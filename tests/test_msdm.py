@@ -5,9 +5,10 @@ import csv
 import numpy as np
 import open3d as o3d
 import pytest
-from test_normal_cycle import neighbours, walk_slowly
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.references import compared, msdm_slowly, neighbours, walk_slowly, weighted
+from fixtures.shapes import mapped, noisy
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.proximity import closest_points
@@ -17,62 +18,6 @@ from o3dmark.metrics.msdm import MSDM, MSDM2
 from o3dmark.metrics.normal_cycle import curvature, rings_of
 
 BOTH = [MSDM(), MSDM2()]
-
-
-def noisy(mesh, amplitude, seed=0):
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(vertices + amplitude * np.random.default_rng(seed).normal(size=vertices.shape), triangles)
-
-
-def mapped(mesh, function):
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(function(vertices), triangles)
-
-
-def weighted(values, weights):
-    mean = np.average(values, weights=weights)
-    return mean, np.sqrt(np.average((values - mean) ** 2, weights=weights))
-
-
-def compared(mu_a, mu_b, s_a, s_b, s_ab):
-    return (
-        abs(mu_a - mu_b) / (max(mu_a, mu_b) + 1),
-        abs(s_a - s_b) / (max(s_a, s_b) + 1),
-        abs(s_a * s_b - s_ab) / (s_a * s_b + 1),
-    )
-
-
-def msdm_slowly(reference, distorted, curvature_radius=0.005, window=0.015, sigma=0.008):
-    """MSDM of two meshes without coincident vertices, vertex by vertex in Python."""
-    (A, triangles), (B, _) = mesh_arrays(reference), mesh_arrays(distorted)
-    side = np.ptp(A, axis=0).max()
-    rings = rings_of(triangles, len(A))
-    ring = neighbours(rings)
-    k = [side * curvature(V, triangles, rings, curvature_radius * side) for V in (A, B)]
-
-    def gauss(points, centre):
-        return np.exp(-np.sum((points - centre) ** 2, axis=1) / (2 * (sigma * side) ** 2))
-
-    total = 0.0
-    for v in range(len(A)):
-        lists = []
-        for V, values in ((A, k[0]), (B, k[1])):
-            steps = walk_slowly(v, window * side, V, ring)
-            points = np.array([V[p] + t * (V[q] - V[p]) for p, q, t, _ in steps])
-            x = np.array([(1 - t) * values[p] + t * values[q] for p, q, t, _ in steps])
-            lists.append((points, x, *weighted(x, gauss(points, V[v]))))
-        covariances = []
-        E = abs(len(lists[0][0]) - len(lists[1][0]))
-        for (P, x, mu, _), (Q, y, nu, _) in (lists, lists[::-1]):
-            partners = []
-            for i in range(len(P)):
-                near = range(max(i - 2 * E, 0), min(i + 2 * E, len(Q) - 1) + 1)
-                partners.append(min(near, key=lambda j: np.sum((P[i] - Q[j]) ** 2)))
-            covariances.append(np.average((x - mu) * (y[partners] - nu), weights=gauss(P, B[v])))
-        (_, _, mu_a, s_a), (_, _, mu_b, s_b) = lists
-        L, C, S = compared(mu_a, mu_b, s_a, s_b, np.mean(covariances))
-        total += (L**3 + C**3 + 0.5 * S**3) / 2.5
-    return (total / len(A)) ** (1 / 3)
 
 
 def heron(a, b, c):

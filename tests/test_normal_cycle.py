@@ -6,38 +6,12 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+from fixtures.references import neighbours, walk_slowly
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.metrics.normal_cycle import bends, curvature, rings_of, steps_for, walk
 
 TENT = np.array([[0.0, 0, 0], [0, 4, 0], [1, 2, -1], [-1, 2, -1]]), np.array([[0, 2, 1], [0, 1, 3]])
-
-
-def neighbours(rings):
-    return [rings.target[a:b].tolist() for a, b in zip(rings.start[:-1], rings.start[1:], strict=True)]
-
-
-def walk_slowly(centre, radius, points, ring):
-    """[(from, to, share inside, first time there)], from the definition: `ring` lists each vertex's neighbours."""
-    used, stack, seen = [], [centre], {centre}
-    while stack:
-        v = stack.pop()
-        for w in ring[v]:
-            edge, out = points[w] - points[v], points[v] - points[centre]
-            if v != centre and edge @ out <= 0:
-                continue
-            if np.linalg.norm(out + edge) <= radius:
-                used.append((v, w, 1.0, w not in seen))
-                if w not in seen:
-                    seen.add(w)
-                    stack.append(w)
-            else:
-                low, high = 0.0, 1.0
-                for _ in range(60):
-                    middle = (low + high) / 2
-                    low, high = (middle, high) if np.linalg.norm(out + middle * edge) < radius else (low, middle)
-                used.append((v, w, low, False))
-    return used
 
 
 def curvature_slowly(points, triangles, ring, radius):

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import o3dmark.report
-from conftest import ROOT
-from kept_folder import COMPARED, FIGURES, PLAIN, RUN, invented_rows, keep
+from fixtures.kept_folder import COMPARED, FIGURES, PLAIN, RUN, invented_rows, keep
+from fixtures.paths import ROOT
 from o3dmark.campaign import read_rows, summarise
 from o3dmark.campaign.plan import Source
 from o3dmark.campaign.row import Row

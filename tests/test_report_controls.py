@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kept_folder import PLAIN, invented_rows, keep
+from fixtures.kept_folder import PLAIN, invented_rows, keep
 from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row
 from o3dmark.report.content import Table
 from o3dmark.report.controls import control_section

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from conftest import ROOT
-from kept_folder import FIGURES
+from fixtures.kept_folder import FIGURES
+from fixtures.paths import ROOT
 from o3dmark.errors import SpecError
 from o3dmark.report.condition import same, strength
 from o3dmark.report.content import ber_number, corr_cell, corr_number, cost_cell, number, signed, tone_of

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from kept_folder import PLAIN, invented_rows, keep
+from fixtures.kept_folder import PLAIN, invented_rows, keep
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError
 from o3dmark.report import write_report

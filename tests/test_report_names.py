@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from markdown_it import MarkdownIt
 
-from kept_folder import COMPARED, RUN, invented_rows, keep
+from fixtures.kept_folder import COMPARED, RUN, invented_rows, keep
 from o3dmark.campaign.plan import Case, Gallery, Source
 from o3dmark.report import write_report
 from o3dmark.report.markdown import inline, paragraph

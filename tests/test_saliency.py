@@ -4,11 +4,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
-from test_geometry import icosphere
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.references import means_slowly
+from fixtures.shapes import icosphere
 from o3dmark.errors import MeshError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import curvature, geometry
@@ -17,23 +17,6 @@ from o3dmark.mesh.surface import Surface, mesh_arrays, point_cloud, triangle_mes
 
 PAPER = Saliency(scales=(2.0,))
 LEE = Saliency()
-
-
-def means_slowly(points, values, sigmas, at=None, rows=2000):
-    """G(v, sigma) by the definition, a sparse matrix of distances for each sigma and some rows: an array (k, q).
-
-    ``at`` (q, 3) are the places v, all of the points (n, 3) where not given.
-    """
-    tree, at = cKDTree(points), points if at is None else at
-    means = np.empty((len(sigmas), len(at)))
-    for k, sigma in enumerate(sigmas):
-        for first in range(0, len(at), rows):
-            part = cKDTree(at[first : first + rows])
-            pairs = part.sparse_distance_matrix(tree, 2.0 * sigma, output_type="coo_matrix")
-            weight = np.exp(-(pairs.data**2) / (2.0 * sigma**2)) * (pairs.data < 2.0 * sigma)
-            total = np.bincount(pairs.row, weight * values[pairs.col], minlength=part.n)
-            means[k, first : first + rows] = total / np.bincount(pairs.row, weight, minlength=part.n)
-    return means
 
 
 def combine_slowly(levels, triangles):

@@ -10,18 +10,19 @@ import pytest
 
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
-from o3dmark.coding.scs import ScalarCosta
+from o3dmark.coding.scs import ScalarCosta, coherence
 from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods.shape_spectrum.codewords import plans
-from o3dmark.methods.shape_spectrum.decoder import Reader
-from o3dmark.methods.shape_spectrum.fit import fit, significance
-from o3dmark.methods.shape_spectrum.hypotheses import Sights
+from o3dmark.methods.shape_spectrum.codewords import Comb, plans
+from o3dmark.methods.shape_spectrum.decoder import Decoder
+from o3dmark.methods.shape_spectrum.fit import fit, log10_p
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
-from o3dmark.methods.shape_spectrum.projections import Projections, coherence
+from o3dmark.methods.shape_spectrum.projections import Projections
+from o3dmark.methods.shape_spectrum.search import Hypotheses
+from o3dmark.solid.frame import FRAME_2026
 from o3dmark.solid.solid import Solid, normal_rms
 from o3dmark.solid.spectrum import Band
 
@@ -94,7 +95,7 @@ def test_it_survives(marked: TriangleMesh, key: Key, attack: str) -> None:
 def test_a_mirror_image_is_read_and_said_to_be_one(marked: TriangleMesh, key: Key) -> None:
     reading = read(attack_all(marked, ["mirror"]), key)
     assert np.array_equal(reading.bits, BITS)
-    assert "mirrored" in reading.note
+    assert reading.view == "as received, mirrored"
 
 
 def test_the_winding_does_not_matter(marked: TriangleMesh, key: Key) -> None:
@@ -147,6 +148,9 @@ def test_more_tries_are_charged(marked: TriangleMesh, key: Key) -> None:
     plain = read(marked, key)
     fitted = read(attack_all(marked, ["smooth:iterations=10"]), key)
     assert plain.hypotheses == len(METHOD.steps(32))
+    assert plain.readings is not None
+    assert fitted.readings is not None
+    assert (len(plain.readings), len(fitted.readings)) == (plain.hypotheses, fitted.hypotheses)
     assert fitted.hypotheses > 10 * plain.hypotheses
 
 
@@ -201,8 +205,9 @@ def test_plans_lead_to_codewords_keep_within_their_limit_and_come_widest_margin_
     values, dither, bits = rng.standard_normal(24), rng.random(24), rng.integers(0, 2, 24)
     root = rng.standard_normal((24, 30))
     cost, steps = root @ root.T, np.geomspace(0.4, 0.1, 9)
-    limit = 0.98 * plans(values, bits, dither, steps[:1], cost, 0.0, np.inf)[0].size
-    found = plans(values, bits, dither, steps, cost, 0.04, limit)
+    comb = Comb(values, bits, dither, cost)
+    limit = 0.98 * next(plans(comb, steps[:1], 0.0, np.inf)).size
+    found = list(plans(comb, steps, 0.04, limit))
     assert [plan.margin for plan in found] == sorted((plan.margin for plan in found), reverse=True)
     assert any(plan.margin < 0.249 * plan.step for plan in found)  # some stop short of their codewords
     for plan in found:
@@ -222,9 +227,9 @@ def test_the_fit_undoes_a_motion_it_expects() -> None:
     prior = np.diag(np.full(7, 2e-3**2))[None]
     moved = u - np.einsum("hkp,p->hk", jacobian, rng.standard_normal(7) * 1e-3)
     assert coherence(moved)[0] < 0.6
-    fitted, freedom = fit(moved, jacobian, prior)
+    fitted, log10_trials = fit(moved, jacobian, prior)
     assert coherence(fitted)[0] > 0.99
-    assert freedom[0] > 0
+    assert log10_trials[0] > 0
 
 
 def test_the_significance_of_random_values_is_a_p_value() -> None:
@@ -234,12 +239,12 @@ def test_the_significance_of_random_values_is_a_p_value() -> None:
     prior = np.broadcast_to(np.diag(np.full(7, 1e-3**2)), (40, 7, 7))
     plain, fitted = [], []
     for u in rng.random((25, 40, 64)):
-        moved, freedom = fit(u, jacobian, prior)
-        plain.append(significance(u, 64))
-        fitted.append(significance(moved, 64, freedom))
-    for log_p in (np.concatenate(plain), np.concatenate(fitted)):
+        moved, log10_trials = fit(u, jacobian, prior)
+        plain.append(log10_p(u, 64))
+        fitted.append(log10_p(moved, 64, log10_trials))
+    for found in (np.concatenate(plain), np.concatenate(fitted)):
         for level in (-1.0, -1.5, -2.0, -2.5):
-            assert np.mean(log_p < level) <= 10.0**level * 1.3 + 2e-3
+            assert np.mean(found < level) <= 10.0**level * 1.3 + 2e-3
 
 
 def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleMesh, key: Key) -> None:
@@ -248,19 +253,19 @@ def test_the_choice_among_readings_says_nothing_about_the_bits(marked: TriangleM
     for secret, search in ((key, True), (Key(bytes(32)), False)):
         projections = METHOD.projections(secret, 32)
         flipped = replace(projections, dither=projections.dither + 0.5 * (np.arange(32) % 3 == 0))
-        sights = Sights(smooth, METHOD.band, search=search)
-        one, other = (Reader(each, METHOD.steps(32), 32, 5e-4).read(sights) for each in (projections, flipped))
+        hypotheses = Hypotheses(smooth, METHOD.band, FRAME_2026, search=search)
+        one, other = (Decoder(each, METHOD.steps(32), 32, 5e-4).read(hypotheses) for each in (projections, flipped))
         assert one.note == other.note
         assert one.hypotheses == other.hypotheses
         assert other.soft == pytest.approx(np.where(np.arange(32) % 3 == 0, -one.soft, one.soft), abs=1e-6)
 
 
-def test_sights_serve_one_key_after_the_other(marked: TriangleMesh, key: Key) -> None:
+def test_hypotheses_serve_one_key_after_the_other(marked: TriangleMesh, key: Key) -> None:
     """What a first key made them work out changes nothing for the next."""
     rough = attack_all(marked, ["noise:amplitude=0.003"], 1)
-    sights = METHOD.sights(rough)
-    wrong = METHOD.reader(32, Key(bytes(32))).read(sights)
-    shared, alone = METHOD.reader(32, key).read(sights), METHOD.extract(rough, 32, key)
+    seen = METHOD.observe(rough)
+    wrong = METHOD.decoder(32, Key(bytes(32))).read(seen)
+    shared, alone = METHOD.extract(seen, 32, key), METHOD.extract(rough, 32, key)
     assert wrong.hypotheses > shared.hypotheses  # it had to look further
     assert np.array_equal(shared.soft, alone.soft)
 

@@ -4,12 +4,12 @@ import functools
 import importlib.util
 import itertools
 import json
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from fixtures.paths import ROOT
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
@@ -20,7 +20,6 @@ from o3dmark.synthetic import SHAPES, Sculpture, make
 from o3dmark.synthetic import field as solids
 from o3dmark.synthetic.isosurface import HALF_BOX, is_sound, marching_tetrahedra
 
-ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "data_synthetic"
 PAPER = {"flower": 2523, "vase": 2527, "cup": 9076, "ant": 7654, "cat": 3534, "bimba": 8857}
 PAPER |= {"bunny": 34835, "horse": 112642, "venus": 100759}

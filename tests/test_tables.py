@@ -8,8 +8,8 @@ from types import ModuleType
 
 import pytest
 
-from conftest import ROOT
-from kept_folder import COMPARED, PLAIN, RUN, invented_rows, keep
+from fixtures.kept_folder import COMPARED, PLAIN, RUN, invented_rows, keep
+from fixtures.paths import ROOT
 from o3dmark.campaign.plan import Campaign, Source
 from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row
 from o3dmark.errors import SpecError

@@ -10,6 +10,7 @@ import pytest
 
 import o3dmark.view.comparison
 import o3dmark.view.window
+from fixtures.shapes import mapped
 from o3dmark.errors import BackendError, MeshError, SpecError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import PointCloud, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
@@ -37,11 +38,6 @@ FRONT = Camera(azimuth=0, elevation=0)
 @pytest.fixture(scope="module")
 def sphere() -> TriangleMesh:
     return o3d.geometry.TriangleMesh.create_sphere(1.0, 16)
-
-
-def moved(mesh: TriangleMesh, scale: float = 1.0, offset: float = 0.0) -> TriangleMesh:
-    vertices, triangles = mesh_arrays(mesh)
-    return triangle_mesh(vertices * scale + offset, triangles)
 
 
 def covered(picture: np.ndarray) -> np.ndarray:
@@ -116,15 +112,15 @@ def test_the_same_call_gives_the_same_picture_and_changes_nothing(spot):
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e-60, 0), (1e60, 0), (1e-3, 0), (1.0, 1e6)])
 def test_size_and_place_do_not_show(spot, scale, offset):
-    picture = render(moved(spot, scale, offset), size=SMALL).astype(int)
+    picture = render(mapped(spot, lambda v: v * scale + offset), size=SMALL).astype(int)
     assert np.abs(picture - render(spot, size=SMALL)).mean() < 0.05
 
 
 def test_another_frame_draws_alike(sphere):
-    apart = moved(sphere, 0.5)
+    apart = mapped(sphere, lambda v: 0.5 * v)
     alone, framed = covered(render(apart, size=SMALL)), covered(render(apart, size=SMALL, frame=sphere))
     assert framed.sum() < alone.sum() / 3
-    assert not covered(render(moved(sphere, 1.0, 100.0), size=SMALL, frame=sphere)).any()
+    assert not covered(render(mapped(sphere, lambda v: v + 100.0), size=SMALL, frame=sphere)).any()
 
 
 def test_edges_are_antialiased(sphere):

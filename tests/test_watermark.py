@@ -68,7 +68,7 @@ def test_a_known_message_is_found_where_none_can_be_read(marked: Any, key: Key) 
 def test_all_readings_are_charged_where_the_bits_choose() -> None:
     bits = np.array([1, 0, 1])
     readings = np.array([[1, 1, 1], [0.1, -0.1, 0.1], [-1, 1, -1]], np.float32)
-    read = Extraction(readings[0].astype(float), 2, "first", readings)
+    read = Extraction(readings[0].astype(float), 2, readings=readings)
     np.testing.assert_array_equal(read.nearest(bits).bits, bits)
     assert read.nearest(bits).hypotheses == 3
     alone = Extraction(np.ones(3), 2)
@@ -111,10 +111,11 @@ def test_profiles_never_change() -> None:
         "sigma": 2.0,
         "epsilon": 0.003,
         "passes": 8,
+        "format": "2026",
         "search": True,
     }
     spectrum = {"name": "shape-spectrum", "mrms": 5.8e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
-    spectrum |= {"rungs": 45, "mask": "none", "search": True}
+    spectrum |= {"rungs": 45, "format": "2026", "mask": "none", "search": True}
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
         "slender-2026": (
@@ -142,10 +143,11 @@ def test_what_is_too_slender_for_the_default_has_a_profile(spot: TriangleMesh, k
     assert PROFILES["slender-2026"].extract(attacked, key).message == "mine"
 
 
-def test_every_method_takes_every_code(key: Key) -> None:
-    for method in METHODS:
-        for code in CODES:
-            Watermark(METHODS.make(method), CODES.make(code)).to_dict()
+@pytest.mark.parametrize("code", list(CODES))
+@pytest.mark.parametrize("method", list(METHODS))
+def test_every_method_takes_every_code(spot: TriangleMesh, key: Key, method: str, code: str) -> None:
+    mark = Watermark(METHODS.make(method), CODES.make(code), 32)
+    assert mark.extract(mark.embed(spot, "o", key), key).message == "o"
 
 
 def test_bits_as_text() -> None:

@@ -16,7 +16,7 @@ from o3dmark.campaign.plan import UNTOUCHED, Case, Job, Reading
 from o3dmark.campaign.plugins import load_plugins
 from o3dmark.campaign.row import UNMARKED, Row
 from o3dmark.campaign.saliency_rank import rank_correlation
-from o3dmark.campaign.specimen import Specimen, key_of, specimen
+from o3dmark.campaign.specimen import Specimen, key_of
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.saliency import Saliency
@@ -24,7 +24,7 @@ from o3dmark.methods import Extraction
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.correlation import bit_errors, correlation
 
-_TOLD = ("step", "view", "smoothing", "passes", "coherence")  # of an Extraction, as a row has them
+_TOLD = ("step", "view", "smoothing", "passes", "fitted", "coherence")  # of an Extraction, as a row has them
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def run_job(job: Job) -> Outcome:
     """Do a job. It has a row for each of its readings, whatever fails."""
     try:
         load_plugins(job.plugins)
-        made = specimen(job)
+        made = Specimen.of(job)
         common = _cost(job, made) | {"embed_seconds": round(made.seconds, 3)}
     except Exception as error:
         return failed(job, f"marking: {_reason(job, error)}")
@@ -70,16 +70,11 @@ def _read_all(
     for reading in readings:
         started = time.perf_counter()
         try:
-            observed = _observed(made, mesh) if observed is None else observed
+            observed = made.watermark.method.observe(mesh) if observed is None else observed
             result = _read(made, job, observed, key_of(reading.key) if reading.key else made.key, started)
         except Exception as error:  # likewise
             result = {"failure": f"reading: {_reason(job, error)}"}
         yield reading, result | ({} if reading.control else _seen(job, made, reading.case, mesh, pictures))
-
-
-def _observed(made: Specimen, mesh: Any) -> Any:
-    observe = getattr(made.watermark.method, "observe", None)  # until Method has it
-    return mesh if observe is None else observe(mesh)
 
 
 def _unmarked(reading: Reading) -> bool:
@@ -91,14 +86,14 @@ def _read(made: Specimen, job: Job, observed: Any, key: Key, started: float) -> 
     watermark, expected = made.watermark, made.expected(key)
     reference = made.cover if job.informed or watermark.method.informed else None
     read = watermark.extract_bits(observed, key, reference=reference)
-    seconds, nearest = time.perf_counter() - started, read.nearest(expected)
+    seconds = time.perf_counter() - started
     errors = bit_errors(expected, read.bits)
     result = {
         "bit_errors": errors.errors,
         "ber": _rounded(errors.rate),
         "corr": _corr(expected, read.bits),
         "log10_p": _rounded(detect(read.soft, expected, hypotheses=read.hypotheses).log10_p),
-        "log10_p_best": _rounded(detect(nearest.soft, expected, hypotheses=nearest.hypotheses).log10_p),
+        "log10_p_best": _rounded(read.detect(expected).log10_p),
         "log10_p_uncharged": _rounded(detect(read.soft, expected).log10_p),
         "hypotheses": read.hypotheses,
         "seconds": round(seconds, 3),
@@ -108,7 +103,7 @@ def _read(made: Specimen, job: Job, observed: Any, key: Key, started: float) -> 
 
 def _told(read: Extraction) -> dict[str, Any]:
     """Which reading it was."""
-    values = {name: getattr(read, name, None) for name in _TOLD}  # until Extraction carries it
+    values = {name: getattr(read, name) for name in _TOLD}
     return {name: _rounded(value) if isinstance(value, float) else value for name, value in values.items()}
 
 

@@ -73,7 +73,7 @@ class Ledger:
             )
         done = {job for job, count in counts.items() if count == sizes[job]}
         text = _text(row for row in rows if row.job in done)
-        if rows and not (self._path.exists() and self._path.read_text(encoding="utf-8") == text):
+        if text != (self._path.read_text(encoding="utf-8") if self._path.exists() else ""):
             with replacing(self._path) as draft:
                 draft.write_text(text, encoding="utf-8")
         self._path.with_name(TABLE).unlink(missing_ok=True)

@@ -1,10 +1,12 @@
 """What a report shows and no row can say: DIR/pictures/*.jpg, and DIR/pictures.json, a list of what they are.
 
-kind        saliency     the cover, coloured by its saliency
-            original     the cover
-            marked       the marked mesh
-            attacked     the marked mesh after a case: its group and condition
-            attacked saliency   the same coloured by its own saliency; group "no attack": the marked mesh
+    saliency             the cover, coloured by its saliency
+    original             the cover
+    marked               the marked mesh
+    attacked             the marked mesh after a case: its group and condition
+    attacked saliency    the same, coloured by its own saliency; after "no attack": the marked mesh
+
+are the kinds. The last two are of the gallery's subject alone.
 """
 
 import hashlib

@@ -58,6 +58,11 @@ class ScalarCosta:
         return (self.soft(values, dither) > 0).astype(np.uint8)
 
 
+def coherence(u: Floats) -> Floats:
+    """How near values u (..., K), in periods, are to codewords, whatever their bits: 1 on them, about 0 at random."""
+    return np.asarray(np.cos(4.0 * np.pi * u).mean(axis=-1))
+
+
 def coherence_log10p(vectors: NDArray[np.complex128]) -> Floats:
     """How unlikely the agreement of ``vectors`` (..., k) is without a mark: log10 of a p-value (...).
 

@@ -53,7 +53,7 @@ class Saliency:
             return self._of_cloud(shape)
         surface = Surface.of(shape)
         values = np.append(self.of_surface(surface), 0.0)  # origin is -1 for unused vertices
-        return values[surface.origin]
+        return values[surface.vertex_map]
 
     def of_surface(self, surface: Surface) -> Floats:
         """Saliency (n,) per vertex of a surface."""

@@ -27,16 +27,16 @@ PointCloud: TypeAlias = o3d.geometry.PointCloud
 class Surface:
     """Read-only arrays of a mesh and the quantities derived from them, each computed once.
 
-    vertices (n, 3) float64; triangles (m, 3) int64; origin (N,) int64: for each of the mesh's N vertices its row in
-    ``vertices``, or -1 when no triangle uses it. For meshes without coincident or unused vertices origin is 0 .. N-1.
+    vertices (n, 3) float64; triangles (m, 3) int64; vertex_map (N,) int64: for each of the mesh's N vertices its row in
+    ``vertices``, or -1 when no triangle uses it. For meshes without coincident or unused vertices it is 0 .. N-1.
     """
 
     vertices: Floats
     triangles: Ints
-    origin: Ints
+    vertex_map: Ints
 
     def __post_init__(self) -> None:
-        for array in (self.vertices, self.triangles, self.origin):
+        for array in (self.vertices, self.triangles, self.vertex_map):
             array.setflags(write=False)
 
     @classmethod
@@ -66,7 +66,7 @@ class Surface:
 
     def moved(self, vertices: Floats) -> "Surface":
         """The same connectivity with its vertices elsewhere (n, 3)."""
-        return Surface(np.array(vertices, np.float64), self.triangles, self.origin)
+        return Surface(np.array(vertices, np.float64), self.triangles, self.vertex_map)
 
     @cached_property
     def area(self) -> float:
@@ -80,7 +80,7 @@ class Surface:
     @cached_property
     def multiplicity(self) -> Ints:
         """How many of the mesh's vertices lie at each vertex (n,): one, but at seams and after a coarse rounding."""
-        return np.bincount(self.origin[self.origin >= 0], minlength=len(self.vertices)).astype(np.int64)
+        return np.bincount(self.vertex_map[self.vertex_map >= 0], minlength=len(self.vertices)).astype(np.int64)
 
     @cached_property
     def centroid(self) -> Floats:
@@ -145,8 +145,8 @@ def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
     any, are computed anew; all other attributes are kept.
     """
     positions, _ = mesh_arrays(mesh)
-    used = surface.origin >= 0
-    positions[used] = vertices[surface.origin[used]]
+    used = surface.vertex_map >= 0
+    positions[used] = vertices[surface.vertex_map[used]]
     marked = mesh.clone() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else TriangleMesh(mesh)
     if isinstance(mesh, o3d.t.geometry.TriangleMesh):
         marked.vertex.positions = o3d.core.Tensor(positions)

@@ -1,7 +1,7 @@
-"""Watermarking methods: each is one file of this folder, found by being there.
+"""Watermarking methods: each is one file or one package of this folder, found by being there.
 
 Method.embed     mesh, bits, key        -> mesh
-Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many hypotheses were tried for them
+Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many readings were tried for them
 """
 
 import abc
@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from o3dmark.arrays import Floats
+from o3dmark.arrays import Bits, Floats
+from o3dmark.coding.detection import Detection, detect
 from o3dmark.coding.keys import Key
 from o3dmark.registry import Registry
 
@@ -22,20 +23,36 @@ METHODS: "Registry[Method]" = Registry("method", __name__)
 class Extraction:
     """What a method read: ``soft`` (n_bits,), positive for 1, negative for 0, the magnitude is the trust in it.
 
-    ``hypotheses`` counts the readings (steps, smoothings, frames, ...) among which this one was chosen; every p-value
-    is multiplied by it. ``note`` says in words which one it was. ``readings`` (h, n_bits) are the soft bits of all of
-    them, where the method keeps them: whoever knows the bits can choose better than the method could.
+    hypotheses   readings (steps, smoothings, frames, ...) among which this one was chosen; p-values are charged for all
+    view         how the mesh was looked at, in words: "as received", "mirrored", ...
+    step         quantisation step of the reading, in the method's unit; None where nothing was read
+    smoothing    name of the filter that was undone, None for none; ``passes`` of it
+    fitted       whether parameters of the view were fitted to the codewords
+    coherence    how near the values are to codewords of either bit: 1 on them, about 0 at random; None if unknown
+    readings     (h, n_bits) soft bits of all readings, where the method keeps them, for those who know the bits
     """
 
     soft: Floats
     hypotheses: int = 1
-    note: str = ""
+    view: str = ""
+    step: float | None = None
+    smoothing: str | None = None
+    passes: int = 0
+    fitted: bool = False
+    coherence: float | None = None
     readings: Floats | None = None
 
     @property
-    def bits(self) -> NDArray[np.uint8]:
+    def bits(self) -> Bits:
         """Hard decisions (n_bits,), 0 or 1."""
         return (self.soft > 0).astype(np.uint8)
+
+    @property
+    def note(self) -> str:
+        """The fields above as a line for people."""
+        undone = f"{self.passes} passes of {self.smoothing} smoothing undone" if self.smoothing else ""
+        step = "" if self.step is None else f"step {self.step:.5f}"
+        return ", ".join(filter(None, (self.view, undone, "frame fitted" if self.fitted else "", step)))
 
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
@@ -45,6 +62,11 @@ class Extraction:
         best = self.readings[np.argmax(agreement / np.maximum(np.linalg.norm(self.readings, axis=1), 1e-12))]
         charged = max(self.hypotheses, len(self.readings))
         return Extraction(np.asarray(best, np.float64), charged, "the reading nearest to the known bits")
+
+    def detect(self, bits: ArrayLike, *, false_positive_rate: float = 1e-6) -> Detection:
+        """Test for known ``bits`` (n_bits,): of all readings the one that agrees best, every one charged."""
+        read = self.nearest(bits)
+        return detect(read.soft, bits, false_positive_rate=false_positive_rate, hypotheses=read.hypotheses)
 
 
 @dataclass(frozen=True)
@@ -70,6 +92,13 @@ class Method(abc.ABC):
 
         Errors: MeshError for a mesh that cannot carry a mark, CapacityError (says how many fit) for too many bits.
         """
+
+    def observe(self, mesh: Any) -> Any:
+        """What ``mesh`` shows whatever the key, worked out once; `extract` takes it in place of the mesh.
+
+        For readings of one mesh under many keys. Errors: MeshError as in `extract`.
+        """
+        return mesh
 
     @abc.abstractmethod
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:

@@ -22,13 +22,15 @@ key's dither, and counts every try.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import Bools, Complexes, Floats, Ints
 from o3dmark.coding.keys import Key
 from o3dmark.coding.scs import ScalarCosta, coherence_log10p
 from o3dmark.errors import CapacityError, MeshError
@@ -37,16 +39,47 @@ from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.smoothing import Unfilter, umbrella
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods._remembered import Remembered
+from o3dmark.methods._threads import one_thread
 from o3dmark.registry import option
 
-LADDER = 0.2 * 1.05 ** -np.arange(80.0)  # steps over the mean vertex norm, from 0.2 down to 0.004
-_LEAST_VERTICES_A_BIT = 16
-_MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
-_SETTLED = -6.0  # log10 of the p-value below which the reader looks no further, unless the next try may be better:
-_CLEAR = 0.97  # the coherence above which it cannot be
+
+@dataclass(frozen=True)
+class ScsFormat:
+    """What writer and reader share beside the key and the options; frozen, as the format of shape-spectrum is.
+
+    The steps, over the mean vertex norm, are a ladder from ``largest`` downwards, each ``ratio`` times the next. The
+    key's dither comes from the streams that bear these names.
+    """
+
+    largest: float
+    ratio: float
+    rungs: int
+    sphere_stream: str
+    rank_stream: str
+
+    @property
+    def steps(self) -> Floats:
+        """The ladder (rungs,), the largest first."""
+        return np.asarray(self.largest * self.ratio ** -np.arange(float(self.rungs)))
+
+
+FORMATS = MappingProxyType(
+    {  # 0.030 costs bimba an MRMS of 5.7e-4 of the diagonal; a rung of 5 % costs 2.5 % of the margin
+        "2026": ScsFormat(0.2, 1.05, 80, "saliency-scs/sphere", "saliency-scs/rank"),
+    }
+)
+
+# What tunes the writer
+_VERTICES_PER_BIT = 16
+_MRMS_MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
+
+# What tunes the reader
+_STOP_LOG10_P = -6.0  # of the p-value below which the reader looks no further, unless the next try may be better:
+_MIN_COHERENCE = 0.97  # the coherence above which it cannot be
 _FINER = 4  # a 1-to-4 subdivision halves the edges, so four times as many averages reach as far
 _STRENGTH, _GAIN = 0.1, 1000.0  # of the benchmark's smoothing; how much of it the reader dares to undo
-_SMOOTHINGS = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
+_PASSES = (3, 6, 10, 15, 20, 25, 30, 35, 40, 45, 50, 56, 63, 70)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +115,7 @@ class Carriers:
     bit: Ints
     dither: Floats
 
-    def among(self, chosen: NDArray[np.bool_]) -> "Carriers":
+    def among(self, chosen: Bools) -> "Carriers":
         """Those whose vertex is ``chosen`` (n,)."""
         kept = chosen[self.vertex]
         return Carriers(self.vertex[kept], self.bit[kept], self.dither[kept])
@@ -90,12 +123,39 @@ class Carriers:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What the reader takes a mesh to have gone through: the mesh with that undone, and how to order its vertices."""
+    """What the reader takes a mesh to have gone through: the mesh with that undone, and how to order its vertices.
 
-    note: str
+    ``averages`` of the normal norms over the neighbours; each vertex ``counts`` (n,) times, once by default.
+    ``smoothed`` times by the umbrella filter, which is undone in ``surface``.
+    """
+
+    view: str
     surface: Surface
-    passes: int
+    averages: int
     counts: Ints | None = None
+    smoothed: int = 0
+
+    @cached_property
+    def norms(self) -> Floats:
+        """The vertex norms (n,) that carry the bits."""
+        return Spherical.of(self.surface, self.counts).norms
+
+    @cached_property
+    def place(self) -> Ints:
+        """The place (n,) of each vertex by the descending norm of its normal on the unit sphere."""
+        sphere = self.surface.moved(Spherical.of(self.surface, self.counts).directions)
+        norms = np.linalg.norm(sphere.vertex_area_vectors, axis=1)
+        for _ in range(self.averages):
+            norms = self.surface.neighbour_mean @ norms
+        return _places(-norms, self.counts)
+
+
+class Observation:
+    """What a received mesh shows whatever the key: its salient vertices, how far to trust each, and the guesses."""
+
+    def __init__(self, received: Surface, salient: Bools, trust: Floats, guesses: Iterator[Guess]) -> None:
+        self.received, self.salient, self.trust = received, salient, trust
+        self.guesses = Remembered(guesses)
 
 
 @METHODS.register("saliency-scs")
@@ -115,6 +175,7 @@ class SaliencySCS(Method):
     sigma: float = option(2.0, "fine scale of the saliency, in units of epsilon")
     epsilon: float = option(0.003, "unit of sigma, over the bounding-box diagonal")
     passes: int = option(8, "averages of the normal norms over the neighbours (sphere)")
+    format: Literal["2026"] = option("2026", "what else writer and reader agree on")
     search: bool = option(True, "let the reader undo subdivision and smoothing (sphere)")
 
     def __post_init__(self) -> None:
@@ -128,12 +189,13 @@ class SaliencySCS(Method):
     def informed(self) -> bool:
         return self.sync == "informed"
 
+    @one_thread()
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. Salient vertices move along their radii, by gamma Q_S / 2 at most; the others stay."""
         surface = Surface.of(mesh)
         message = np.asarray(bits, np.uint8).ravel()
         if len(message) > (fits := self.capacity(mesh)):
-            raise CapacityError(len(message), fits, f"{_LEAST_VERTICES_A_BIT} salient vertices a bit")
+            raise CapacityError(len(message), fits, f"{_VERTICES_PER_BIT} salient vertices a bit")
         salient = self.salient_set(self.saliency(surface))
         guess = Guess("as received", surface, self.passes)
         carriers = self._order(guess, salient, len(message), key).among(salient)
@@ -148,41 +210,47 @@ class SaliencySCS(Method):
 
         for step in self._steps(surface, salient):  # the largest first
             vertices = reconstructed(step)
-            if self.step or self.lam or _mrms(surface, vertices) <= _MARGIN * self.mrms * surface.diagonal:
+            if self.step or self.lam or _mrms(surface, vertices) <= _MRMS_MARGIN * self.mrms * surface.diagonal:
                 return with_vertices(mesh, surface, vertices)
         raise MeshError(f"no step meets an MRMS of {self.mrms} of the diagonal; ask for a larger one")
 
+    @one_thread()
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """See `Method.extract`. Only sync=informed takes a ``reference``, the cover mesh, and it needs it."""
         if (reference is None) == self.informed:
             needs = "needs the cover mesh as" if reference is None else "is blind and takes no"
             raise MeshError(f"saliency-scs with sync={self.sync} {needs} reference")
-        received = Surface.of(mesh)
-        saliency = self.saliency(received)
-        salient, trust = self.salient_set(saliency), self._trust(saliency)
+        seen = self.observe(mesh)
         best, least, tried, clear = Extraction(np.zeros(n_bits)), np.inf, 0, False
-        for guess in self._guesses(received):
+        for guess in seen.guesses:
             if reference is None:
-                carriers = self._order(guess, salient, n_bits, key)
+                carriers = self._order(guess, seen.salient, n_bits, key)
             else:
-                carriers = self._order_of_cover(Surface.of(reference), received, n_bits, key)
-            steps = self._steps(guess.surface, salient)
-            norms = Spherical.of(guess.surface, guess.counts).norms
-            vectors = _agreement(norms, carriers, trust, steps, n_bits)
+                carriers = self._order_of_cover(Surface.of(reference), seen.received, n_bits, key)
+            steps = self._steps(guess.surface, seen.salient)
+            vectors = _agreement(guess.norms, carriers, seen.trust, steps, n_bits)
             log_p = coherence_log10p(vectors)
             tried += len(steps)
             better = log_p.min() < least
             if better:
                 least, rung = float(log_p.min()), int(log_p.argmin())
-                best = Extraction(-vectors[rung].real, note=f"{guess.note}, step {steps[rung]:.5f}")
-                clear = _coherence(vectors[rung]) > _CLEAR
-            if least + np.log10(tried) < _SETTLED and (clear or not better):
+                best = _extraction(guess, vectors[rung], float(steps[rung]))
+                clear = best.coherence is not None and best.coherence > _MIN_COHERENCE
+            if least + np.log10(tried) < _STOP_LOG10_P and (clear or not better):
                 break
-        return Extraction(best.soft, tried, best.note)
+        return replace(best, hypotheses=tried)
+
+    def observe(self, mesh: Any) -> Observation:
+        """See `Method.observe`."""
+        if isinstance(mesh, Observation):
+            return mesh
+        received = Surface.of(mesh)
+        saliency = self.saliency(received)
+        return Observation(received, self.salient_set(saliency), self._trust(saliency), self._guesses(received))
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 16 salient vertices."""
-        return int(self.share * len(Surface.of(mesh).vertices)) // _LEAST_VERTICES_A_BIT
+        return int(self.share * len(Surface.of(mesh).vertices)) // _VERTICES_PER_BIT
 
     # The steps of the paper, in its order
 
@@ -190,35 +258,40 @@ class SaliencySCS(Method):
         """The paper's saliency (n,): one scale."""
         return Saliency(scales=(self.sigma,), epsilon=self.epsilon).of_surface(surface)
 
-    def salient_set(self, saliency: Floats) -> NDArray[np.bool_]:
+    def salient_set(self, saliency: Floats) -> Bools:
         """True (n,) at the salient vertices, "the 70 % maximum values of saliency vector"."""
         if self.salient == "range":
             return np.asarray(saliency >= (1.0 - self.share) * saliency.max())
         return _places(-saliency) < self.share * len(saliency)
 
-    def _order(self, guess: Guess, salient: NDArray[np.bool_], n_bits: int, key: Key) -> Carriers:
+    def _order(self, guess: Guess, salient: Bools, n_bits: int, key: Key) -> Carriers:
         """Vertices in the descending order of their normal norms, and the bit and the dither that each place gives."""
         if self.sync != "sphere":
-            return _by_rank(guess.surface, salient, n_bits, key)
-        sphere = guess.surface.moved(Spherical.of(guess.surface, guess.counts).directions)
-        norms = np.linalg.norm(sphere.vertex_area_vectors, axis=1)
-        for _ in range(guess.passes):
-            norms = guess.surface.neighbour_mean @ norms
-        counts = np.ones(len(norms), np.int64) if guess.counts is None else guess.counts
-        bit = _places(-norms, counts) * n_bits // counts.sum()
-        return Carriers(np.arange(len(norms)), bit, key.stream("saliency-scs/sphere").uniform(n_bits)[bit])
+            return self._by_rank(guess.surface, salient, n_bits, key)
+        total = len(guess.place) if guess.counts is None else guess.counts.sum()
+        bit = guess.place * n_bits // total
+        dither = key.stream(FORMATS[self.format].sphere_stream).uniform(n_bits)
+        return Carriers(np.arange(len(bit)), bit, dither[bit])
+
+    def _by_rank(self, surface: Surface, salient: Bools, n_bits: int, key: Key) -> Carriers:
+        """The literal text: the i-th salient vertex by descending normal norm carries bit i mod m, the i-th dither."""
+        vertex = np.flatnonzero(salient)
+        norms = np.linalg.norm(surface.vertex_area_vectors[vertex], axis=1)
+        vertex = vertex[np.argsort(-norms, kind="stable")]
+        dither = key.stream(FORMATS[self.format].rank_stream).uniform(len(vertex))
+        return Carriers(vertex, np.arange(len(vertex)) % n_bits, dither)
 
     def _order_of_cover(self, cover: Surface, received: Surface, n_bits: int, key: Key) -> Carriers:
-        order = _by_rank(cover, self.salient_set(self.saliency(cover)), n_bits, key)
+        order = self._by_rank(cover, self.salient_set(self.saliency(cover)), n_bits, key)
         match = registration.match_vertices(cover.vertices, received.vertices)
         return Carriers(match[order.vertex], order.bit, order.dither)
 
-    def _steps(self, surface: Surface, salient: NDArray[np.bool_]) -> Floats:
+    def _steps(self, surface: Surface, salient: Bools) -> Floats:
         """The quantisation steps Q_S to try, over the mean vertex norm, in descending order."""
         if self.lam is not None:
             normals = np.linalg.norm(surface.vertex_area_vectors[salient], axis=1)
             return np.array([normals.mean() / Spherical.of(surface).unit ** 2 / self.lam])
-        return LADDER if self.step is None else np.array([self.step])
+        return FORMATS[self.format].steps if self.step is None else np.array([self.step])
 
     # What the blind reader adds
 
@@ -236,17 +309,21 @@ class SaliencySCS(Method):
                 yield Guess("rounded until vertices met", received, self.passes, received.multiplicity)
             yield Guess("subdivided once", received, _FINER * self.passes)
             unfilter = Unfilter(received)
-            for steps in _SMOOTHINGS:
-                surface = received.moved(unfilter.undo(umbrella(steps, _STRENGTH), _GAIN))
-                yield Guess(f"smoothed {steps} times", surface, self.passes)
+            for n in _PASSES:
+                surface = received.moved(unfilter.undo(umbrella(n, _STRENGTH), _GAIN))
+                yield Guess("as received", surface, self.passes, smoothed=n)
 
 
-def _by_rank(surface: Surface, salient: NDArray[np.bool_], n_bits: int, key: Key) -> Carriers:
-    """The literal text: the i-th salient vertex by descending normal norm carries bit i mod m and the i-th dither."""
-    vertex = np.flatnonzero(salient)
-    norms = np.linalg.norm(surface.vertex_area_vectors[vertex], axis=1)
-    vertex = vertex[np.argsort(-norms, kind="stable")]
-    return Carriers(vertex, np.arange(len(vertex)) % n_bits, key.stream("saliency-scs/rank").uniform(len(vertex)))
+def _extraction(guess: Guess, vectors: Complexes, step: float) -> Extraction:
+    """What the agreements (n_bits,) of a guess say at one step."""
+    return Extraction(
+        -vectors.real,
+        view=guess.view,
+        step=step,
+        smoothing="umbrella" if guess.smoothed else None,
+        passes=guess.smoothed,
+        coherence=_coherence(vectors),
+    )
 
 
 def _places(values: Floats, counts: Ints | None = None) -> Ints:
@@ -258,7 +335,7 @@ def _places(values: Floats, counts: Ints | None = None) -> Ints:
     return places
 
 
-def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> NDArray[np.complex128]:
+def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> Complexes:
     """For every step (s,) and bit: the sum of exp(i phase) over its vertices (s, n_bits), in deviations of noise."""
     values, weight = norms[carriers.vertex], trust[carriers.vertex]
     power = np.bincount(carriers.bit, weight**2, minlength=n_bits)
@@ -270,7 +347,7 @@ def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, 
     return vectors / np.sqrt(np.where(power > 0, power, 1.0) / 2.0)
 
 
-def _coherence(vectors: NDArray[np.complex128]) -> float:
+def _coherence(vectors: Complexes) -> float:
     """How far the vectors (k,) lie along 0 or pi: 1 when all do, about 0 when their angles are random."""
     return float((vectors**2).real.sum() / np.maximum(np.sum(np.abs(vectors) ** 2), 1e-300))
 

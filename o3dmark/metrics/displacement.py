@@ -44,8 +44,8 @@ def paired(reference: Any, distorted: Any) -> Pairing:
             f" ({len(before)} and {len(after)} vertices, {len(triangles)} and {len(others)} triangles);"
             " MRMS, Hausdorff and MSDM2 compare any two meshes"
         )
-    used = surface.origin >= 0
-    first = np.unique(surface.origin[used], return_index=True)[1]
+    used = surface.vertex_map >= 0
+    first = np.unique(surface.vertex_map[used], return_index=True)[1]
     return Pairing(surface, surface.moved(after[used][first]), before[used], after[used])
 
 

@@ -9,7 +9,7 @@ holds: rows, the campaign's plan and runs, the figures that it is compared with,
 from collections.abc import Iterator
 from pathlib import Path
 
-from o3dmark.campaign.compact import SUMMARY
+from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.files import replacing
 from o3dmark.report.comparison import comparison_section
 from o3dmark.report.content import Section

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from o3dmark.campaign import Campaign, Run, load, read_rows
-from o3dmark.campaign.compact import SUMMARY
+from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError

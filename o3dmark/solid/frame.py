@@ -1,36 +1,71 @@
-"""A canonical frame: where a solid is, how large it is and which way it faces, told by its moments alone.
+"""A canonical frame: where a solid is, how large it is and which way it faces, computed from its moments.
 
     origin   the centroid
     scale    the radius of gyration: root of the trace of the second moment over the mass
-    axes     the principal axes, the longest extent last; their signs make the third moments positive, but for the least
-             sure of them, which makes the frame right-handed
+    axes     the principal axes, the longest extent last; their signs make the third moments positive, except that the
+             axis with the smallest third moment is flipped where needed to make the frame right-handed
 
 The moments are those of the volume, which noise does not bias, or, for thin sheets, whose volume says little, those of
-the surface. Where two principal moments are nearly equal their axes are arbitrary, and a complex moment of higher
-order turns the frame about the third (a `Turn`). What is chosen is a `Rule`; a reader who meets a border case is given
-all the rules that it might have been.
+the surface. Where two principal moments are nearly equal, noise turns their axes at will; a complex moment of higher
+order then turns the frame about the third axis. Which of these applies is a `FrameRule`. The writer takes the first
+rule that fits; the reader of an attacked mesh gets all rules that might have been the writer's first.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from o3dmark.arrays import Floats
+from o3dmark.arrays import Complexes, Floats
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.solid.moments import Measure, complex_moment, moments, response, third_moments
+from o3dmark.solid.moments import ComplexMoment, Measure, moments, response, third_moments
 from o3dmark.solid.solid import Solid
 
-_THIN = 0.025  # volume over (area x radius of gyration of the surface) below which a solid is a sheet
-_EQUAL = 0.1  # relative difference of principal moments below which other moments may turn the frame better
-_ROUND = 0.05  # and below which, if all three differ by less, the solid is as round as a ball
-_BORDER = 1.2  # a factor within which the reader doubts its own choice between rules
-_LEAST_TURN = 0.03  # vertex noise, over the scale, that would turn the frame by a radian
-_LEAST_SKEW = 0.03  # skewness below which its sign may be lost
-_WHOLE = 1e-6  # how exactly a rotation permutes the axes to be taken for a permutation
-_FAVOUR = 12.0  # how much better a turn must be than the principal axes, which have fewer symmetric positions
+_AXES = (2, 0, 0)  # order, radial and axial power of the moment w^2, whose angle the principal axes are
+_STEP = 1e-4  # of central differences, in radians and units of the frame: an error of 1e-8
+# These serve the reader's search only: they say which other positions of the axes are worth a try.
+_UNSURE_SKEWNESS = 0.03  # noise of 0.5 % and rounding to 8 bits move skewness by 0.007 (on thin flower by 0.04)
+_SKEWNESS_RATIO = 1.2  # of the two smallest, one of which is flipped; 30 passes of smoothing move bimba's by a tenth
+_PERMUTATION = 1e-6  # largest error of an entry for a rotation to be taken for a permutation of the axes
+
+
+@dataclass(frozen=True)
+class FrameFormat:
+    """What decides the frame of a solid. Writer and reader must share it: change a value, and marks become unreadable.
+
+    The meshes named are some of the 95 on which the thresholds were chosen, at the values that they have.
+    """
+
+    # volume over (area x radius of gyration) below which area moments decide: flower's petals 0.009, cup's wall 0.048
+    thin: float = 0.025
+    # relative difference of principal moments: no axes where all three are below; cubes and spheres 0.000, cheese 0.14
+    round: float = 0.05
+    # the same: complex moments compete where one is below; vase 0.01, and smoothing moves it by 0.03
+    equal: float = 0.1
+    # order, radial and axial power of the complex moments that compete, see `ComplexMoment`
+    moments: tuple[tuple[int, int, int], ...] = (
+        _AXES,
+        (1, 1, 0),
+        (1, 0, 2),
+        (2, 0, 1),
+        (3, 0, 0),
+        (3, 0, 1),
+        (4, 0, 0),
+        (5, 0, 0),
+        (6, 0, 0),
+    )
+    # vertex noise, over the scale, that turns it by a radian: not used where that is less; bearing 0.027, cogs 0.086
+    least_noise: float = 0.03
+    # how many times steadier than the axes a moment must be, since it leaves more positions open; pig 11, botijo 32
+    favour_axes: float = 12.0
+    # factor within which the next choice is a rule too; simplification to a fifth moves scores by 14 %, noise by 3 %.
+    # The reader tries them all. The writer takes the first, so that this decides only where the first has no moment.
+    close: float = 1.2
+
+
+FRAME_2026 = FrameFormat()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,75 +86,41 @@ class Frame:
 
     def solid(self, solid: Solid) -> Solid:
         """A solid as seen in the frame."""
-        return Solid(self.points(solid.vertices), solid.triangles, solid.free)
+        return Solid(self.points(solid.vertices), solid.triangles, solid.movable)
 
     def shifted(self, motion: Floats) -> "Frame":
         """The frame after a small ``motion`` (7,): translation, rotation vector, log scale; all as seen in it."""
-        a, b, c = motion[3:6]
-        angle = float(np.linalg.norm(motion[3:6]))
-        cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-        sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-        turn = np.eye(3) + sine * cross + versine * cross @ cross  # Rodrigues
+        turn = Rotation.from_rotvec(motion[3:6]).as_matrix()
         origin = self.origin + self.scale * motion[:3] @ self.axes
         return Frame(origin, self.scale * float(np.exp(motion[6])), turn.T @ self.axes)
 
 
 @dataclass(frozen=True)
-class Turn:
-    """The complex moment of w^order |w|^(2 radial) z^axial that turns a frame about its axis number ``axis``.
-
-    w = x + i y are the coordinates in the plane, in cyclic order after z, the one along the axis.
-    """
-
-    axis: int
-    order: int
-    radial: int = 0
-    axial: int = 0
-
-    @property
-    def degree(self) -> int:
-        return self.order + 2 * self.radial + self.axial
-
-    def __call__(self, points: Floats) -> np.ndarray:
-        """The function's values (...,) at points (..., 3)."""
-        z = points[..., self.axis]
-        w = points[..., (self.axis + 1) % 3] + 1j * points[..., (self.axis + 2) % 3]
-        return np.asarray(w**self.order * np.abs(w) ** (2 * self.radial) * z**self.axial)
-
-    def moment(self, seen: Solid, measure: Measure) -> complex:
-        return complex_moment(seen, measure, self, self.degree)
-
-
-_AXES = (2, 0, 0)  # the moment of w^2: what the principal axes themselves are turned by
-_TURNS = (_AXES, (1, 1, 0), (1, 0, 2), (2, 0, 1), (3, 0, 0), (3, 0, 1), (4, 0, 0), (5, 0, 0), (6, 0, 0))
-
-
-@dataclass(frozen=True)
-class Rule:
-    """How to derive a frame from a solid: which moments, and the turn where two of them are nearly equal."""
+class FrameRule:
+    """How to derive a frame from a solid: from which moments, and what turns it where two of them are nearly equal."""
 
     measure: Measure
-    turn: Turn | None = None
+    moment: ComplexMoment | None = None
 
     def frames(self, solid: Solid) -> list[Frame]:
-        """The frames that the rule allows, likeliest first: one, or with a turn all its symmetric positions."""
+        """The frames that the rule allows, likeliest first: one; with a complex moment all its symmetric positions."""
         upright = self._signed(solid, principal(solid, self.measure)[0])
-        if self.turn is None:
+        if self.moment is None:
             return [upright]
         frames = list(self._turned(solid, upright))
         skew = [third_moments(frame.solid(solid), self.measure) for frame in frames]
-        plane = (self.turn.axis + 1) % 3
-        return [frames[i] for i in np.argsort([-s[plane] - 100.0 * (s[self.turn.axis] > 0) for s in skew])]
+        plane = (self.moment.axis + 1) % 3
+        return [frames[i] for i in np.argsort([-s[plane] - 100.0 * (s[self.moment.axis] > 0) for s in skew])]
 
     def near(self, solid: Solid, frame: Frame) -> Frame:
         """The allowed frame nearest to ``frame``: for a solid that has been moved a little."""
         base = principal(solid, self.measure)[0]
         signs = np.sign(np.einsum("ij,ij->i", base.axes, frame.axes))
         base = replace(base, axes=base.axes * np.where(signs == 0, 1.0, signs)[:, None])
-        if self.turn is None:
+        if self.moment is None:
             return base
         if np.linalg.det(base.axes) < 0:  # within the plane of equal moments the axes are arbitrary
-            base.axes[(self.turn.axis + 1) % 3] *= -1.0
+            base.axes[(self.moment.axis + 1) % 3] *= -1.0
         return max(self._turned(solid, base), key=lambda f: float(np.sum(f.axes * frame.axes)))
 
     def response(self, solid: Solid, frame: Frame, normals: Floats) -> Floats:
@@ -139,35 +140,38 @@ class Rule:
         spread = change[4:7] - variance[:, None] * change[0]
         turning = np.zeros((3, len(normals)))
         off = np.array([[0, 9, 8], [9, 0, 7], [8, 7, 0]])  # where x y, x z and y z stand in ``change``
-        for axis in range(3) if self.turn is None else (self.turn.axis,):
+        for axis in range(3) if self.moment is None else (self.moment.axis,):
             b, c = (axis + 1) % 3, (axis + 2) % 3
             plane = variance[axis] * np.eye(2) - second[np.ix_([b, c], [b, c])] / mass
             tilt = np.linalg.solve(plane, change[off[axis, [b, c]]])  # how the axis leans towards b and c
             turning[c], turning[b] = tilt[0], -tilt[1]
         rows = np.concatenate([change[1:4], turning, 0.5 * spread.sum(axis=0, keepdims=True)])
-        if self.turn is not None:
-            rows[3 + self.turn.axis] = self._turn_response(seen, normal, rows)
+        if self.moment is not None:
+            rows[3 + self.moment.axis] = self._angle_response(self.moment, seen, normal, rows)
         return np.asarray(rows, np.float64)
 
-    def doubts(self, solid: Solid, frames: list[Frame]) -> list[Floats]:
-        """How the first of `frames` may lie wrong by whole axes: rotations (3, 3) that permute and flip, first none.
+    def ambiguities(self, solid: Solid, frames: list[Frame]) -> list[Floats]:
+        """By which permutations and flips of the axes (3, 3) the first of ``frames`` may be wrong, the identity first.
 
-        Without a turn, half turns where third moments are too small to be sure of; with one, its symmetric positions.
+        Without a complex moment, half turns where third moments are too small to be sure of; with one, its symmetric
+        positions.
         """
-        if self.turn is not None:
+        if self.moment is not None:
             turns = [frame.axes @ frames[0].axes.T for frame in frames]
-            return [np.rint(turn) for turn in turns if np.abs(turn - np.rint(turn)).max() < _WHOLE]
+            return [np.rint(turn) for turn in turns if np.abs(turn - np.rint(turn)).max() < _PERMUTATION]
         skew = np.abs(third_moments(frames[0].solid(solid), self.measure))
         order = np.argsort(skew)
         found = [np.eye(3)]
         for a, b in ((0, 1), (0, 2), (1, 2)):
             signs = np.ones(3)
             signs[order[[a, b]]] = -1.0
-            if skew[order[b]] < _LEAST_SKEW or (a == 0 and skew[order[b]] < _BORDER * skew[order[0]]):
+            swapped = a == 0 and skew[order[b]] < _SKEWNESS_RATIO * skew[order[0]]
+            if skew[order[b]] < _UNSURE_SKEWNESS or swapped:
                 found.append(np.diag(signs))
         return found
 
     def _signed(self, solid: Solid, base: Frame) -> Frame:
+        """The principal axes with the signs that make third moments positive, right-handed."""
         skew = third_moments(base.solid(solid), self.measure)
         axes = base.axes * np.where(skew < 0, -1.0, 1.0)[:, None]
         if np.linalg.det(axes) < 0:
@@ -176,53 +180,50 @@ class Rule:
 
     def _turned(self, solid: Solid, base: Frame) -> Iterator[Frame]:
         """The frame turned until its complex moment is real and positive, in all ways; ``base`` is right-handed."""
-        assert self.turn is not None
+        assert self.moment is not None
+        axis, order = self.moment.axis, self.moment.order
         other = base.axes.copy()
-        other[[self.turn.axis, (self.turn.axis + 2) % 3]] *= -1.0  # upside down
+        other[[axis, (axis + 2) % 3]] *= -1.0  # upside down
         for start in (base, replace(base, axes=other)):
-            angle = float(np.angle(self.turn.moment(start.solid(solid), self.measure)))
-            for part in range(self.turn.order):
+            angle = float(np.angle(self.moment.of(start.solid(solid), self.measure)))
+            for part in range(order):
                 motion = np.zeros(7)
-                motion[3 + self.turn.axis] = (angle + 2.0 * np.pi * part) / self.turn.order
+                motion[3 + axis] = (angle + 2.0 * np.pi * part) / order
                 yield start.shifted(motion)
 
-    def _turn_response(self, seen: Solid, normal: Floats, rows: Floats) -> Floats:
-        """Rotation about the turn's axis (n_mesh,) that keeps the complex moment real, the other motions given."""
-        assert self.turn is not None
-        turn = self.turn
+    def _angle_response(self, moment: ComplexMoment, seen: Solid, normal: Floats, rows: Floats) -> Floats:
+        """Rotation about the moment's axis (n_mesh,) that keeps it real while the frame makes the other motions."""
 
-        def value(x: Floats) -> Floats:
-            return turn(x)[..., None]
+        def function(x: Floats) -> Complexes:
+            return moment.function(x)[..., None]
 
-        here = turn.moment(seen, self.measure)
-        total = response(seen, normal, self.measure, value)[:, 0]
-        step, still = 1e-4, Frame(np.zeros(3), 1.0, np.eye(3))
+        here = moment.of(seen, self.measure)
+        total = response(seen, normal, self.measure, function)[:, 0]
+        still = Frame(np.zeros(3), 1.0, np.eye(3))
         for part in range(6):
-            if part != 3 + turn.axis:
+            if part != 3 + moment.axis:
                 motion = np.zeros(7)
-                motion[part] = step
-                slope = turn.moment(still.shifted(motion).solid(seen), self.measure) - turn.moment(
-                    still.shifted(-motion).solid(seen), self.measure
-                )
-                total = total + slope / (2.0 * step) * rows[part]
-        return np.asarray(np.imag(total / here) / turn.order)
+                motion[part] = _STEP
+                ahead, back = (moment.of(still.shifted(m).solid(seen), self.measure) for m in (motion, -motion))
+                total = total + (ahead - back) / (2.0 * _STEP) * rows[part]
+        return np.asarray(np.imag(total / here) / moment.order)
 
 
-def rules(solid: Solid) -> list[Rule]:
+def rules(solid: Solid, form: FrameFormat) -> list[FrameRule]:
     """The rules that fit a solid, best first; more than one where the choice is close.
 
     Errors: MeshError for a solid without volume, or as symmetric as a ball or a torus.
     """
-    found: list[Rule] = []
-    for measure in _measures(solid):
+    found: list[FrameRule] = []
+    for measure in _measures(solid, form):
         frame, (a, b, c) = principal(solid, measure)
         gaps = np.array([abs(b - c) / (b + c), abs(c - a) / (c + a), abs(a - b) / (a + b)])
-        if gaps.max() < _ROUND:
+        if gaps.max() < form.round:
             continue
-        if gaps.min() > _EQUAL:
-            found.append(Rule(measure))
+        if gaps.min() > form.equal:
+            found.append(FrameRule(measure))
         else:
-            found += [Rule(measure, turn) for turn in _turns(frame.solid(solid), measure, int(np.argmin(gaps)))]
+            found += [FrameRule(measure, m) for m in _moments(frame.solid(solid), measure, int(np.argmin(gaps)), form)]
     if not found:
         raise MeshError(
             "the solid is as symmetric as a ball, a cube or a torus: nothing in its shape tells which way it faces;"
@@ -232,7 +233,10 @@ def rules(solid: Solid) -> list[Rule]:
 
 
 def principal(solid: Solid, measure: Measure) -> tuple[Frame, Floats]:
-    """The frame of the principal axes, of any sign, and the variance (3,) along each, of sum one, ascending."""
+    """The frame of the principal axes, of any sign, and the variance (3,) along each, of sum one, ascending.
+
+    Errors: MeshError for a solid without volume, or a surface within a plane.
+    """
     near = solid.vertices.mean(axis=0)  # far from the origin, moments would lose their digits
     mass, first, second = moments(solid, measure, near)
     if not mass > (1e-9 * solid.area**1.5 if measure == "volume" else 0.0):
@@ -247,23 +251,23 @@ def principal(solid: Solid, measure: Measure) -> tuple[Frame, Floats]:
     return Frame(near + mean, float(np.sqrt(spread)), vectors.T.copy()), variance / spread
 
 
-def _measures(solid: Solid) -> list[Measure]:
+def _measures(solid: Solid, form: FrameFormat) -> list[Measure]:
     """Volume or area moments; both, the better first, where the choice is close."""
     frame, _ = principal(solid, "area")
     thickness = geometry.volume(solid.vertices - frame.origin, solid.triangles) / (solid.area * frame.scale)
-    order: list[Literal["volume", "area"]] = ["volume", "area"] if thickness >= _THIN else ["area", "volume"]
-    return order if _THIN / _BORDER < thickness < _THIN * _BORDER else order[:1]
+    order: list[Measure] = ["volume", "area"] if thickness >= form.thin else ["area", "volume"]
+    return order if form.thin / form.close < thickness < form.thin * form.close else order[:1]
 
 
-def _turns(seen: Solid, measure: Measure, axis: int) -> list[Turn | None]:
-    """The turns whose angle noise disturbs least, best first; None, the principal axes, wins where it comes close."""
-    x, area = seen.vertices[: len(seen.free)], seen.vertex_areas
-    scored: list[tuple[float, Turn | None]] = []
-    for powers in _TURNS:
-        turn = Turn(axis, *powers)
-        noise = float(np.sqrt(np.sum(np.abs(turn(x)) ** 2 * area**2)))  # of the moment, for vertex noise of one
-        score = turn.order * abs(turn.moment(seen, measure)) / noise
-        if score > _LEAST_TURN:
-            scored.append((_FAVOUR * score, None) if powers == _AXES else (score, turn))
+def _moments(seen: Solid, measure: Measure, axis: int, form: FrameFormat) -> list[ComplexMoment | None]:
+    """The moments whose angle noise disturbs least, best first; None, for the principal axes, is favoured."""
+    x, area = seen.vertices[: len(seen.movable)], seen.vertex_areas
+    scored: list[tuple[float, ComplexMoment | None]] = []
+    for powers in form.moments:
+        moment = ComplexMoment(axis, *powers)
+        noise = float(np.sqrt(np.sum(np.abs(moment.function(x)) ** 2 * area**2)))  # of the moment, for vertex noise 1
+        score = moment.order * abs(moment.of(seen, measure)) / noise
+        if score > form.least_noise:
+            scored.append((form.favour_axes * score, None) if powers == _AXES else (score, moment))
     scored.sort(key=lambda pair: -pair[0])
-    return [turn for score, turn in scored if score * _BORDER > scored[0][0]]
+    return [moment for score, moment in scored if score * form.close > scored[0][0]]

@@ -12,10 +12,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 
@@ -25,27 +24,27 @@ _CORNERS = np.full((3, 3), 1 / 6) + np.eye(3) / 2  # the three-point rule, exact
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed, outward surface: vertices (n, 3), triangles (m, 3). The first ``len(free)`` vertices are the mesh's.
+    """A closed, outward surface: vertices (n, 3), triangles (m, 3). The first ``len(movable)`` vertices are the mesh's.
 
-    ``free`` (n_mesh,) is True at the vertices that the fans over the holes do not touch.
+    ``movable`` (n_mesh,) is True at the vertices that the fans over the holes do not touch.
     """
 
     vertices: Floats
     triangles: Ints
-    free: NDArray[np.bool_]
+    movable: Bools
 
     @classmethod
     def of(cls, surface: Surface) -> "Solid":
         """The solid that ``surface`` bounds."""
         triangles = oriented(surface.vertices, surface.triangles)
         vertices, caps = fans(surface.vertices, triangles)
-        free = np.ones(len(surface.vertices), bool)
-        free[caps[caps < len(free)]] = False
-        return cls(vertices, np.concatenate([triangles, caps]), free)
+        movable = np.ones(len(surface.vertices), bool)
+        movable[caps[caps < len(movable)]] = False
+        return cls(vertices, np.concatenate([triangles, caps]), movable)
 
     def moved(self, vertices: Floats) -> "Solid":
-        """The same solid with the mesh's vertices at ``vertices`` (n_mesh, 3). Only free ones may have moved."""
-        return Solid(np.concatenate([vertices, self.vertices[len(vertices) :]]), self.triangles, self.free)
+        """The same solid with the mesh's vertices at ``vertices`` (n_mesh, 3). Only movable ones may have moved."""
+        return Solid(np.concatenate([vertices, self.vertices[len(vertices) :]]), self.triangles, self.movable)
 
     @cached_property
     def area_vectors(self) -> Floats:
@@ -72,7 +71,7 @@ class Solid:
 
     def _at_vertices(self, values: Floats) -> Floats:
         sums = geometry.sum_at_vertices(values, self.triangles, len(self.vertices))
-        return sums[: len(self.free)] / 3.0
+        return sums[: len(self.movable)] / 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +159,12 @@ def normal_rms(solid: Solid, displacement: Floats) -> float:
 
     The normal part of the motion, linear in each triangle, integrated exactly; fans over holes are left out.
     """
-    n = len(solid.free)
+    n = len(solid.movable)
     real = (solid.triangles < n).all(axis=1)
     return geometry.normal_rms(solid.area_vectors[real], displacement[solid.triangles[real]])
 
 
-def _half_edges(triangles: Ints) -> tuple[Ints, NDArray[np.bool_], Ints]:
+def _half_edges(triangles: Ints) -> tuple[Ints, Bools, Ints]:
     """For each of the 3 m half-edges: the number of its edge, whether it runs upward, its triangle."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -173,7 +172,7 @@ def _half_edges(triangles: Ints) -> tuple[Ints, NDArray[np.bool_], Ints]:
     return edge, start < end, np.repeat(np.arange(len(triangles)), 3)
 
 
-def _two_colouring(a: Ints, b: Ints, unlike: NDArray[np.bool_], count: int) -> tuple[NDArray[np.bool_], Ints]:
+def _two_colouring(a: Ints, b: Ints, unlike: Bools, count: int) -> tuple[Bools, Ints]:
     """Which of ``count`` things to flip so that each pair (a, b) that is ``unlike`` becomes alike; and their pieces.
 
     Connected components of the double cover: every thing is there as it is and flipped (+ count).

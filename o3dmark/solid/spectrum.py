@@ -20,8 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats, Ints
+from o3dmark.solid.solid import Solid, samples
 
 Complex = NDArray[np.complex128]
+LONGEST_EDGE = 0.35  # of a quadrature triangle, over the shortest wavelength
+_ONE_POINT = 0.05  # edges below which one point a triangle will do, over the shortest wavelength
 _EPS = 1e-5  # relative accuracy of the transforms, a thousandth of what the mark needs
 _EPS_FUNCTIONS = 1e-4  # and of functions on the surface, which only steer Newton's method
 
@@ -126,6 +129,12 @@ class Spectrum:
         second = band.transform(points, strengths).reshape(3, 3, -1)  # sum of a_i x_j exp
         slope = (1j * first + np.einsum("im,ijm->jm", k, second) - 2.0 * k * values) / square
         return cls(band, values, slope)
+
+    @classmethod
+    def of_solid(cls, band: Band, seen: Solid, *, gradient: bool = False) -> "Spectrum":
+        """Of a solid as seen in its frame."""
+        q = samples(seen, LONGEST_EDGE * band.shortest, _ONE_POINT * band.shortest)
+        return cls.of(band, q.points, q.area_vectors, gradient=gradient)
 
     def turned(self, symmetry: Floats) -> "Spectrum":
         """The spectrum of the solid whose points x went to P x, P a signed permutation (3, 3): no new transform."""

@@ -42,9 +42,9 @@ class Model:
             return _splats(points, np.asarray(shape.normals) @ to_camera if shape.has_normals() else facing, scalars)
         normals = corner_normals(points, shape.triangles)
         if scalars is not None:
-            used = shape.origin >= 0
+            used = shape.vertex_map >= 0
             welded = np.zeros(len(points))
-            welded[shape.origin[used]] = scalars[used]
+            welded[shape.vertex_map[used]] = scalars[used]
             scalars = welded
         return cls(points.astype(np.float32), shape.triangles, normals, scalars)
 
@@ -69,7 +69,7 @@ def positions(shape: Shape) -> Floats:
 
 def n_vertices(shape: Shape) -> int:
     """Points, or vertices of the mesh that ``shape`` is the surface of: the scalars that it wants."""
-    return len(shape.points) if isinstance(shape, o3d.geometry.PointCloud) else len(shape.origin)
+    return len(shape.points) if isinstance(shape, o3d.geometry.PointCloud) else len(shape.vertex_map)
 
 
 def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:

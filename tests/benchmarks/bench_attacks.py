@@ -1,8 +1,8 @@
 """Speed of the attacks that are ours against MeshLab's in the same run: `pytest tests/benchmarks --benchmark-only`."""
 
 import pytest
-from test_attacks_reextraction import meshlab_resampled
 
+from fixtures.references import meshlab_resampled
 from o3dmark.attacks import ATTACKS
 
 CELLS = 128

@@ -3,9 +3,9 @@
 import numpy as np
 import pymeshlab
 import pytest
-from test_msdm import msdm_slowly
 
-from conftest import GOLDEN
+from fixtures.paths import GOLDEN
+from fixtures.references import msdm_slowly
 from o3dmark.attacks import ATTACKS
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import mesh_arrays, triangle_mesh

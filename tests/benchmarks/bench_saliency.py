@@ -9,8 +9,8 @@ import time
 
 import numpy as np
 import pytest
-from test_saliency import means_slowly
 
+from fixtures.references import means_slowly
 from o3dmark.files import read_mesh
 from o3dmark.mesh.curvature import taubin
 from o3dmark.mesh.saliency import LEE_SCALES, Saliency, gaussian_means

@@ -14,10 +14,10 @@ _RANKED = 40  # readings whose p-value is worked out: those of the highest coher
 
 
 def fit(u: Floats, jacobian: Floats, prior: Floats) -> tuple[Floats, Floats]:
-    """Values (h, K) in periods after the frame motions that bring them nearest to codewords, and log10 of the freedom.
+    """Values (h, K) in periods after the frame motions that bring them nearest to codewords, and log10 of the trials.
 
     ``jacobian`` (h, K, p): change of u by each motion; ``prior`` (h, p, p): covariance of the motions expected. The
-    freedom (h,) is the number of independent readings within the prior, which a p-value is to be multiplied by:
+    trials (h,) are the number of independent readings within the prior, which a p-value is to be multiplied by:
     the root of det(I + prior J' J / width^2).
     """
     precision = np.linalg.inv(prior)
@@ -35,7 +35,7 @@ def fit(u: Floats, jacobian: Floats, prior: Floats) -> tuple[Floats, Floats]:
     return u + np.einsum("hkp,hp->hk", jacobian, motion), 0.5 * log_det / np.log(10.0)
 
 
-def significance(u: Floats, n_bits: int, freedom: Floats | float = 0.0) -> Floats:
+def log10_p(u: Floats, n_bits: int, log10_trials: Floats | float = 0.0) -> Floats:
     """log10 of the p-value (h,) of values u (h, K) in periods; projection j carries bit j modulo ``n_bits``.
 
     0 for readings that are not among the 40 most coherent.
@@ -43,6 +43,7 @@ def significance(u: Floats, n_bits: int, freedom: Floats | float = 0.0) -> Float
     vectors = np.exp(2j * np.pi * u).reshape(len(u), -1, n_bits).sum(axis=1)
     agreement = (vectors**2).real.sum(axis=1)
     best = np.argsort(-agreement)[:_RANKED]
-    log_p = np.zeros(len(u))
-    log_p[best] = np.minimum(coherence_log10p(vectors[best]) + np.broadcast_to(freedom, len(u))[best], 0.0)
-    return log_p
+    found = np.zeros(len(u))
+    trials = np.broadcast_to(log10_trials, len(u))[best]
+    found[best] = np.minimum(coherence_log10p(vectors[best]) + trials, 0.0)
+    return found

@@ -1,6 +1,6 @@
 """Reading a fragment of a marked mesh when its cover is at hand: the informed reader of shape-spectrum.
 
-    fragment -> laid on the cover -> distances to it -> least squares: which change of the projections? -> bits
+    fragment -> poses on the cover -> correspondences -> least squares: which change of the projections? -> bits
 
 The embedding moves every vertex of the cover along its normal by a combination of K known functions, so a fragment
 that shows part of the surface shows part of each. With the cover moved as far as is known, the distance d of a point
@@ -23,25 +23,25 @@ from scipy.linalg import block_diag
 
 from o3dmark.arrays import Floats
 from o3dmark.mesh import geometry, registration
-from o3dmark.mesh.fragments import places as places_of
+from o3dmark.mesh.fragments import places
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods.shape_spectrum.embedder import Cover
 from o3dmark.methods.shape_spectrum.lattice import closest_vectors
 
-_POINTS, _FEW = 60_000, 4_000  # of the fragment that are used at most; and to choose its place by
-_PASSES, _REWEIGHTED = 6, 3
-_FAR = 0.01  # over the diagonal: points further off the cover are not of it
-_ALIKE = 0.3  # least cosine between the normals of a point and of its counterpart
-_EXACT = 1e-6  # over the diagonal: noise below it is not believed
-_INSIDE = 1e-6  # least barycentric coordinate off the edges
-_SMOOTHED, _UMBRELLA = (3, 10, 40), 0.1  # passes and strength of the smoothings whose combinations are allowed for
-_DOUBTED = 1.3  # a factor by which allowing for smoothing must lessen the noise, to be believed
-_AMOUNT = 2.0  # how much of each, a standard deviation
-_CUT = 3.0  # residuals, in standard deviations, at which the weight is a quarter
-_SLACK = 0.03  # RMS distance, in steps, of an embedded value from its codeword
-_LEAST = 2  # points a parameter, below which nothing is read
+_MAX_POINTS, _FEW_POINTS = 60_000, 4_000  # of the fragment that are used at most; and to choose its pose by
+_ROUNDS, _REWEIGHTED = 6, 3  # of correspondences; of weights in each
+_MAX_DISTANCE = 0.01  # over the diagonal: points further off the cover are not of it
+_MIN_COSINE = 0.3  # least cosine between the normals of a point and of its counterpart
+_MIN_NOISE = 1e-6  # over the diagonal: less is not believed
+_MIN_INSIDE = 1e-6  # least barycentric coordinate off the edges
+_MODE_PASSES, _MODE_STRENGTH = (3, 10, 40), 0.1  # umbrella smoothings whose combinations are allowed for
+_MIN_GAIN = 1.3  # a factor by which allowing for smoothing must lessen the noise, to be believed
+_MODE_STD = 2.0  # how much of each mode is expected
+_SOFT_LIMIT = 3.0  # residuals, in standard deviations, at which the weight is a quarter
+_CODEWORD_STD = 0.03  # RMS distance, in steps, of an embedded value from its codeword
+_MIN_POINTS = 2  # a parameter, below which nothing is read
 
 
 def read_fragment(received: Surface, cover: Cover, steps: Floats, n_bits: int) -> Extraction:
@@ -50,40 +50,40 @@ def read_fragment(received: Surface, cover: Cover, steps: Floats, n_bits: int) -
     ``steps`` (s,) are those that the writer may have used. Soft bits in -1 .. 1; of zero, with a note, where the
     fragment lies nowhere on the cover. Errors: MeshError as for marking the cover.
     """
-    places = places_of(received, cover.surface)
-    tried = 2 * max(1, len(places)) * len(steps)  # twice: smoothed, or not
-    host, points = _Host(cover, steps), _Points.of(received)
-    fit = _best_fit(host, points, places)
+    poses = places(received, cover.surface)
+    tried = 2 * max(1, len(poses)) * len(steps)  # twice: smoothed, or not
+    model, points = _CoverModel(cover, steps), _Points.of(received)
+    fit = _best_fit(model, points, poses)
     if fit is None:
         return Extraction(np.zeros(n_bits), tried, "lies nowhere on the cover")
-    values = host.cover.measured(host.cover.moved(fit.change))
-    readings = [_decoded(host, fit, values, step) for step in steps]
+    values = model.cover.project(model.cover.moved(fit.change))
+    readings = [_decoded(model, fit, values, step) for step in steps]
     best = max(range(len(steps)), key=lambda i: readings[i].evidence)
     soft = np.tanh(readings[best].log_odds.reshape(-1, n_bits).sum(axis=0) / 2.0)
-    note = f"laid on the cover, {fit.noise / host.surface.diagonal:.1e} of its diagonal off, step {steps[best]:.5f}"
-    return Extraction(soft, tried, note)
+    view = f"aligned with the cover, {fit.noise / model.surface.diagonal:.1e} of its diagonal off"
+    return Extraction(soft, tried, view, float(steps[best]))
 
 
-class _Host:
-    """The cover, how smoothing would move it, and how large changes are to be expected."""
+class _CoverModel:
+    """The cover, how smoothing would move it (``modes``), and how large changes are to be expected."""
 
     def __init__(self, cover: Cover, steps: Floats) -> None:
         self.cover, self.surface, self.normals = cover, cover.surface, cover.normals
-        self.flows = np.array([self._smoothed(passes) for passes in _SMOOTHED])  # (s, n), along the normals
+        self.modes = np.array([self._smoothed(passes) for passes in _MODE_PASSES])  # (s, n), along the normals
         self.step = float(np.median(steps))
         t = np.random.default_rng(0).random((4, len(cover.values)))
-        self._size = float(np.mean([closest_vectors(cover.cost, row).cost[0] for row in t]))  # for a step of one
+        self._size = float(np.mean([closest_vectors(cover.metric, row).cost[0] for row in t]))  # for a step of one
 
     def _smoothed(self, passes: int) -> Floats:
         """How far umbrella smoothing carries each vertex along its normal (n,)."""
         vertices = self.surface.vertices
         for _ in range(passes):
-            vertices = vertices + _UMBRELLA * (self.surface.neighbour_mean @ vertices - vertices)
+            vertices = vertices + _MODE_STRENGTH * (self.surface.neighbour_mean @ vertices - vertices)
         return np.einsum("nd,nd->n", vertices - self.surface.vertices, self.normals)
 
     def prior(self, step: float) -> Floats:
         """The inverse (K, K) of the covariance of the changes to be expected at a step: Q times K over their size."""
-        return np.asarray(self.cover.cost * len(self.cover.values) / (self._size * step**2))
+        return np.asarray(self.cover.metric * len(self.cover.values) / (self._size * step**2))
 
 
 class _Points(NamedTuple):
@@ -94,18 +94,18 @@ class _Points(NamedTuple):
 
     @classmethod
     def of(cls, received: Surface) -> "_Points":
-        """The vertices off the borders, which a cut or a simplification moves; a sample where they are many."""
+        """The vertices off the boundary, which a cut or a simplification moves; a sample where they are many."""
         inner = ~geometry.border_vertices(received.triangles, len(received.vertices))
-        return cls(received.vertices[inner], received.normals[inner]).thinned(_POINTS)
+        return cls(received.vertices[inner], received.normals[inner]).thinned(_MAX_POINTS)
 
     def thinned(self, count: int) -> "_Points":
         some = np.random.default_rng(0).permutation(len(self.positions))[:count]
         return _Points(self.positions[some], self.normals[some])
 
-    def laid(self, place: Floats) -> "_Points":
+    def aligned(self, pose: Floats) -> "_Points":
         """As moved by a similarity (4, 4)."""
-        turn = place[:3, :3] / np.cbrt(np.linalg.det(place[:3, :3]))
-        return _Points(registration.apply(place, self.positions), self.normals @ turn.T)
+        turn = pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
+        return _Points(registration.apply(pose, self.positions), self.normals @ turn.T)
 
 
 class _Fit(NamedTuple):
@@ -120,77 +120,81 @@ class _Fit(NamedTuple):
     noise: float
 
 
-def _best_fit(host: _Host, points: _Points, places: list[Floats]) -> _Fit | None:
-    """The fit at the place where the mark explains most; with smoothing if that explains a lot. None: at no place."""
-    if len(places) > 1:
-        few = points.thinned(_FEW)
-        noise = [fit.noise if (fit := _fitted(host, few, place, host.flows)) else np.inf for place in places]
-        places = [places[int(np.argmin(noise))]]
-    fits = [fit for place in places for f in (host.flows[:0], host.flows) if (fit := _fitted(host, points, place, f))]
-    return min(fits, key=lambda fit: fit.noise * (1.0 if fit is fits[0] else _DOUBTED), default=None)
+def _best_fit(model: _CoverModel, points: _Points, poses: list[Floats]) -> _Fit | None:
+    """The fit in the pose where the mark explains most; with smoothing if that explains a lot. None: in no pose."""
+    if len(poses) > 1:
+        few = points.thinned(_FEW_POINTS)
+        noise = [fit.noise if (fit := _fitted(model, few, pose, model.modes)) else np.inf for pose in poses]
+        poses = [poses[int(np.argmin(noise))]]
+    tried = (_fitted(model, points, pose, modes) for pose in poses for modes in (model.modes[:0], model.modes))
+    fits = [fit for fit in tried if fit]
+    return min(fits, key=lambda fit: fit.noise * (1.0 if fit is fits[0] else _MIN_GAIN), default=None)
 
 
-def _fitted(host: _Host, points: _Points, place: Floats, flows: Floats) -> _Fit | None:
-    """Least squares from a first ``place`` (4, 4), allowing for ``flows`` (s, n) of the cover along its normals.
+def _fitted(model: _CoverModel, points: _Points, pose: Floats, modes: Floats) -> _Fit | None:
+    """Least squares from a first ``pose`` (4, 4), allowing for ``modes`` (s, n) of smoothing, along the normals.
 
     None where too few points lie on the cover.
     """
-    K, size = len(host.cover.values), host.surface.diagonal
-    others = np.diag([0.0] * 7 + [_AMOUNT**-2.0] * len(flows))
-    change, prior, fit = np.zeros(K), block_diag(host.prior(host.step), others), None
-    for _ in range(_PASSES):
-        gaps = _gaps(host, change, points.laid(place), flows)
-        if len(gaps.d) < _LEAST * len(prior):
+    K, size = len(model.cover.values), model.surface.diagonal
+    others = np.diag([0.0] * 7 + [_MODE_STD**-2.0] * len(modes))
+    change, prior, fit = np.zeros(K), block_diag(model.prior(model.step), others), None
+    for _ in range(_ROUNDS):
+        found = _correspondences(model, change, points.aligned(pose), modes)
+        if len(found.d) < _MIN_POINTS * len(prior):
             return None
-        A = np.concatenate([gaps.functions, -gaps.motions, gaps.flows], axis=1)
+        A = np.concatenate([found.functions, -found.motions, found.modes], axis=1)
         x, before = np.zeros(len(prior)), np.pad(change, (0, len(others)))
         for _ in range(_REWEIGHTED):
-            residual = gaps.d - A @ x
-            noise = max(1.4826 * float(np.median(np.abs(residual))), _EXACT * size)
-            weighted = A.T * ((1.0 + (residual / (_CUT * noise)) ** 2) ** -2.0 / noise**2)
+            residual = found.d - A @ x
+            noise = max(1.4826 * float(np.median(np.abs(residual))), _MIN_NOISE * size)
+            weighted = A.T * ((1.0 + (residual / (_SOFT_LIMIT * noise)) ** 2) ** -2.0 / noise**2)
             N = weighted @ A
-            x = np.linalg.solve(N + prior, weighted @ gaps.d - prior @ before)
+            x = np.linalg.solve(N + prior, weighted @ found.d - prior @ before)
         change = change + x[:K]
-        place = registration.small_similarity(x[K : K + 7], gaps.centre) @ place
+        pose = registration.small_similarity(x[K : K + 7], found.centre) @ pose
         N[K:, K:] += others
-        fit = _Fit(change, *_without_others(N, weighted @ (gaps.d - A @ x), K), noise)
+        fit = _Fit(change, *_schur_complement(N, weighted @ (found.d - A @ x), K), noise)
     return fit
 
 
-def _without_others(N: Floats, gradient: Floats, K: int) -> tuple[Floats, Floats]:
+def _schur_complement(N: Floats, gradient: Floats, K: int) -> tuple[Floats, Floats]:
     """Gradient (K,) and information (K, K) about the first K unknowns when the others are anything."""
     taken = np.linalg.solve(N[K:, K:], N[K:, :K])
     return gradient[:K] - taken.T @ gradient[K:], N[:K, :K] - N[:K, K:] @ taken
 
 
-class _Gaps(NamedTuple):
-    """What the points of a laid fragment show: signed distances d (q,) to the cover as moved so far, and how they
-    answer to the change, functions (q, K), to moving the fragment about ``centre`` (3,), motions (q, 7), and to
-    smoothing, flows (q, s)."""
+class _Correspondences(NamedTuple):
+    """What the points of an aligned fragment show: signed distances d (q,) to the cover as moved so far.
+
+    And how these answer: functions (q, K) to the change, motions (q, 7) to moving the fragment about ``centre`` (3,),
+    modes (q, s) to smoothing.
+    """
 
     d: Floats
     functions: Floats
     motions: Floats
-    flows: Floats
+    modes: Floats
     centre: Floats
 
 
-def _gaps(host: _Host, change: Floats, laid: _Points, flows: Floats) -> _Gaps:
-    """Distances of those of the laid points that have a counterpart on the cover as moved by ``change``."""
-    surface = host.surface.moved(host.cover.moved(change))
-    near = closest_points(laid.positions, surface)
-    offset, corners = laid.positions - near.point, surface.triangles[near.triangle]
+def _correspondences(model: _CoverModel, change: Floats, aligned: _Points, modes: Floats) -> _Correspondences:
+    """Distances of those of the aligned points that have a counterpart on the cover as moved by ``change``."""
+    surface = model.surface.moved(model.cover.moved(change))
+    near = closest_points(aligned.positions, surface)
+    offset, corners = aligned.positions - near.point, surface.triangles[near.triangle]
     share = geometry.barycentric(near.point, surface.vertices[corners])
     face = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles))[near.triangle]
     normal = _directions(offset, share, face, surface.normals[corners], 1e-9 * surface.diagonal)
-    kept = (near.distance < _FAR * surface.diagonal) & (np.einsum("qd,qd->q", laid.normals, face) > _ALIKE)
-    kept &= host.cover.solid.free[corners].all(axis=1)
-    normal, corners, points = normal[kept], corners[kept], laid.positions[kept]
-    speed = share[kept] * np.einsum("qcd,qd->qc", host.normals[corners], normal)
-    functions, flowing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (host.cover.motions, flows))
+    kept = near.distance < _MAX_DISTANCE * surface.diagonal
+    kept &= np.einsum("qd,qd->q", aligned.normals, face) > _MIN_COSINE
+    kept &= model.cover.solid.movable[corners].all(axis=1)
+    normal, corners, points = normal[kept], corners[kept], aligned.positions[kept]
+    speed = share[kept] * np.einsum("qcd,qd->qc", model.normals[corners], normal)
+    functions, smoothing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (model.cover.basis, modes))
     centre = points.sum(axis=0) / max(1, len(points))
     motions = registration.motions(points - centre, normal)
-    return _Gaps(np.einsum("qd,qd->q", offset[kept], normal), functions, motions, flowing, centre)
+    return _Correspondences(np.einsum("qd,qd->q", offset[kept], normal), functions, motions, smoothing, centre)
 
 
 def _directions(offset: Floats, share: Floats, face: Floats, corner: Floats, least: float) -> Floats:
@@ -204,7 +208,7 @@ def _directions(offset: Floats, share: Floats, face: Floats, corner: Floats, lea
     slope = np.einsum("qd,qd->q", way, smooth)[:, None]
     clear = (np.abs(slope) > 0.5) & (np.linalg.norm(offset, axis=1, keepdims=True) > least)
     beyond = np.where(clear, way * np.sign(slope), smooth)
-    return np.where(share.min(axis=1, keepdims=True) > _INSIDE, face, beyond)
+    return np.where(share.min(axis=1, keepdims=True) > _MIN_INSIDE, face, beyond)
 
 
 class _Decoded(NamedTuple):
@@ -214,18 +218,18 @@ class _Decoded(NamedTuple):
     evidence: float
 
 
-def _decoded(host: _Host, fit: _Fit, values: Floats, step: float) -> _Decoded:
+def _decoded(model: _CoverModel, fit: _Fit, values: Floats, step: float) -> _Decoded:
     """The lattice of a ``step`` searched; ``values`` (K,) are the projections at the change that was fitted."""
     h, V = np.linalg.eigh(fit.information)
     h = np.maximum(h, 1e-14 * h[-1])
-    slack = (_SLACK * step) ** 2
+    slack = (_CODEWORD_STD * step) ** 2
     blurred = (V * (h / (1.0 + slack * h))) @ V.T  # information about the codeword, from which the value strays
     best = fit.change + V @ ((V.T @ fit.gradient) / h)
-    prior = host.prior(step)
+    prior = model.prior(step)
     M = blurred + prior
     change = np.linalg.solve(M, blurred @ best)
     rest = change @ prior @ change + (best - change) @ blurred @ (best - change)
-    t = 2.0 * ((values + change - fit.change) / step - host.cover.projections.dither)
+    t = 2.0 * ((values + change - fit.change) / step - model.cover.projections.dither)
     found = closest_vectors(M * step**2 / 4.0, t)
     odd = found.z % 2 == 1
     cost = np.stack([_least(found.cost, ~odd), _least(found.cost, odd)])

@@ -13,7 +13,7 @@ import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 
-_LIST = 600
+_LIST = 600  # bimba, ant, vase, fandisk: with 6 000 sizes fall by less than 0.1 %, with 60 they grow by 1 % at most
 _TURNS = np.array([0, 1, -1, 2, -2])  # values tried for each integer, from the nearest outward
 
 

@@ -7,11 +7,10 @@ surface (spread-spectrum), and to first order its value changes by the integral 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import Complexes, Floats, Ints
 from o3dmark.coding.keys import Key
-from o3dmark.solid.spectrum import Band, Complex
+from o3dmark.solid.spectrum import Band
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class Projections:
     def __len__(self) -> int:
         return len(self.dither)
 
-    def __call__(self, spectrum: Complex) -> Floats:
+    def __call__(self, spectrum: Complexes) -> Floats:
         """The projections (..., K) of spectral values (..., M), or of their derivatives."""
         modes = np.concatenate([spectrum.real, -spectrum.imag], axis=-1) * self.weight
         rows = [np.bincount(self.owner, row, minlength=len(self)) for row in modes.reshape(-1, modes.shape[-1])]
@@ -52,8 +51,3 @@ class Projections:
         c[self.owner[:modes], np.arange(modes)] = self.weight[:modes]
         c[self.owner[modes:], np.arange(modes)] += 1j * self.weight[modes:]  # Re(i exp(-i k.x)) is the sine
         return self.band.functions(points, c)
-
-
-def coherence(u: Floats) -> NDArray[np.float64]:
-    """How near values u (..., K), in periods, are to codewords, whatever their bits: 1 on them, about 0 at random."""
-    return np.asarray(np.cos(4.0 * np.pi * u).mean(axis=-1))
