@@ -49,10 +49,10 @@ PROFILES = {  # tables of the same kind
 Column = tuple[Results, Contestant, str]  # a mesh under one method and number of bits
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 when a table is stale")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     stale, missing = 0, dict[str, None]()
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         text = path.read_text(encoding="utf-8")
