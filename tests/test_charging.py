@@ -17,6 +17,7 @@ from o3dmark.watermark import Watermark
 
 MESSAGE, N_BITS = "spot", 64
 QUICK = {"shape-spectrum": "shape-spectrum:highest=8,rungs=20"}  # the same method with less to try
+QUICKER = {"shape-spectrum": "shape-spectrum:highest=6,rungs=6"}
 
 
 @dataclass(frozen=True)
@@ -79,16 +80,16 @@ def test_raw_bits_are_charged_alike(key: Key) -> None:
 
 
 @pytest.fixture(scope="module")
-def ellipsoid() -> TriangleMesh:
-    """642 vertices: a mesh that both methods read in vain within seconds."""
+def egg() -> TriangleMesh:
+    """642 vertices and no symmetry: a mesh that both methods read in vain within seconds."""
     vertices, triangles = icosphere(3)
-    return triangle_mesh(vertices * [1.0, 1.3, 1.7], triangles)
+    return triangle_mesh((vertices + 0.25 * np.roll(vertices, 1, axis=1) ** 2) * [1.0, 1.3, 1.7], triangles)
 
 
 @pytest.mark.parametrize("name", list(METHODS))
-def test_no_method_keeps_more_readings_than_it_counts(name: str, ellipsoid: TriangleMesh, key: Key) -> None:
+def test_no_method_keeps_more_readings_than_it_counts(name: str, egg: TriangleMesh, key: Key) -> None:
     """In vain, when all has been tried: the bits that were chosen are among those that were counted."""
-    read = METHODS.make(QUICK.get(name, name)).extract(ellipsoid, 16, key)
+    read = METHODS.make(QUICKER.get(name, name)).extract(egg, 16, key)
     assert read.hypotheses > 1000
     if read.readings is not None:
         assert len(read.readings) == read.hypotheses
@@ -97,11 +98,11 @@ def test_no_method_keeps_more_readings_than_it_counts(name: str, ellipsoid: Tria
 
 
 @pytest.mark.parametrize("name", list(METHODS))
-def test_wrong_keys_are_seldom_significant(name: str, ellipsoid: TriangleMesh, key: Key) -> None:
+def test_wrong_keys_are_seldom_significant(name: str, egg: TriangleMesh, key: Key) -> None:
     """Of p-values below 0.1 a tenth is expected under wrong keys, and none of one in a thousand."""
     method, bits = replace(METHODS.make(QUICK.get(name, name)), search=False), bits_of(5, 24)  # type: ignore[call-arg]
-    seen = method.observe(method.embed(ellipsoid, bits, key))
-    p = [method.extract(seen, 24, Key(bytes([i] * 32))).detect(bits).p_value for i in range(40)]
-    assert np.mean(np.array(p) < 0.1) < 0.25
+    seen = method.observe(method.embed(egg, bits, key))
+    p = [method.extract(seen, 24, Key(bytes([i] * 32))).detect(bits).p_value for i in range(20)]
+    assert np.mean(np.array(p) < 0.1) < 0.3
     assert min(p) > 1e-3
     assert method.extract(seen, 24, key).detect(bits).p_value < 1e-3

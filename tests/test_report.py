@@ -202,6 +202,12 @@ def test_several_numbers_of_bits_are_several_contestants(tmp_path: Path) -> None
     assert tables(tmp_path)[PLAIN.title][0]["method"] == "second, 16 bits · shape-spectrum"
 
 
+def test_tables_of_other_methods_than_the_campaigns_own_are_folded(plain: Path) -> None:
+    page = (plain / "report.html").read_text()
+    assert "<h3>Noise: second</h3>" in page
+    assert "<summary>Noise: first</summary>" in page
+
+
 @pytest.mark.parametrize("kind", ["plain", "compared"])
 def test_the_page_has_the_same_tables_as_the_markdown(kind: str, request: pytest.FixtureRequest) -> None:
     folder = request.getfixturevalue(kind)

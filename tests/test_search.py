@@ -10,13 +10,12 @@ from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import Surface, TriangleMesh, triangle_mesh
 from o3dmark.methods.shape_spectrum.hypotheses import FrameHypothesis, Measurement
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.projections import Projections
-from o3dmark.methods.shape_spectrum.search import Hypotheses
-from o3dmark.solid.frame import Frame, rules
+from o3dmark.solid.frame import FRAME_2026, Frame, rules
 from o3dmark.solid.solid import Solid
-from o3dmark.solid.spectrum import Band
 
-BAND = Band(3.0, 5.0, 6.0)
+METHOD = ShapeSpectrum(lowest=3.0, highest=5.0)
 
 
 def pillar(stretch: float) -> TriangleMesh:
@@ -32,11 +31,11 @@ def pillar(stretch: float) -> TriangleMesh:
 def first_frame(mesh: TriangleMesh) -> Frame:
     """The frame that a writer uses."""
     solid = Solid.of(Surface.of(mesh))
-    return rules(solid)[0].frames(solid)[0]
+    return rules(solid, FRAME_2026)[0].frames(solid)[0]
 
 
 def measurements(mesh: TriangleMesh, projections: Projections) -> Iterator[Measurement]:
-    for round_ in Hypotheses(Surface.of(mesh), BAND):
+    for round_ in METHOD.observe(mesh):
         for hypothesis in round_.hypotheses:
             yield from hypothesis.measurements(projections)
 
@@ -47,7 +46,7 @@ def measurements(mesh: TriangleMesh, projections: Projections) -> Iterator[Measu
 )
 def test_smoothing_is_undone_by_its_own_inverse(key: Key, attack: str, smoothing: str) -> None:
     """A sixth of the damage to the projections is left, or less; marks under a filter that is not tried stay unread."""
-    mesh, projections = pillar(1.2), Projections.of(key, BAND, 32)
+    mesh, projections = pillar(1.2), METHOD.projections(key, 32)
     truth = next(measurements(mesh, projections)).values
     found = list(measurements(attack_all(mesh, [attack]), projections))
     damage = np.linalg.norm(found[0].values - truth)
@@ -61,7 +60,7 @@ def test_what_was_marked_in_another_frame_is_seen_in_that() -> None:
     smooth = attack_all(mesh, ["smooth:iterations=22"])
     frame, received = first_frame(mesh), first_frame(smooth)
     assert np.abs(np.abs(received.axes @ frame.axes.T) - np.eye(3)).max() > 0.5
-    rounds = ([each for each in round_.hypotheses if own(each, 22)] for round_ in Hypotheses(Surface.of(smooth), BAND))
+    rounds = ([each for each in round_.hypotheses if own(each, 22)] for round_ in METHOD.observe(smooth))
     seen = next(filter(None, rounds), [])
     assert seen
     assert min(np.abs(each.symmetry @ each.frame.axes - frame.axes).max() for each in seen) < 0.01

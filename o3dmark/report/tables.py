@@ -128,9 +128,9 @@ def _attack_table(results: Results, group: str, conditions: list[str]) -> Table:
 def meshes_section(results: Results) -> Iterator[Section]:
     """For each table of attacks and each contestant: every mesh in every condition."""
     tables = [
-        _mesh_table(results, who, group, folded=count > 0)
+        _mesh_table(results, who, group, folded=who != results.main)
         for group in results.groups
-        for count, who in enumerate(results.contestants)
+        for who in results.contestants
     ]
     intro = "Corr, mean over the seeds."
     if results.compared:
