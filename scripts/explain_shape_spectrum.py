@@ -34,8 +34,8 @@ def main(out: Path, path: Path | None) -> None:
     attacked = attack_all(marked, ATTACK, 1)
     pictures = sheet(panels(method, cover, marked, attacked), columns=3, width=1500)
     read = method.extract(marked, len(BITS), KEY)
-    step = float(read.note.split("step ")[1])
-    plot = combs([periods(method, mesh, step) for mesh in (cover, marked, attacked)], width=pictures.shape[1])
+    assert read.step is not None
+    plot = combs([periods(method, mesh, read.step) for mesh in (cover, marked, attacked)], width=pictures.shape[1])
     save_png(out, np.concatenate([pictures, plot]))
 
 

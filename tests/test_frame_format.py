@@ -118,7 +118,7 @@ def test_a_moment_whose_angle_is_lost_in_noise_is_not_used(wanted: float, refuse
     ],
 )
 def test_principal_axes_are_favoured(ratio: float, expected: list[ComplexMoment | None]) -> None:
-    """A moment must be 12 times as steady as they are; within a factor of 1.2 of that the reader is given both."""
+    """A complex moment must be 12 times as steady as they are; within a factor of 1.2 of that the reader gets both."""
 
     def advantage(stretch: float) -> float:
         solid = star(3, 0.3, stretch)

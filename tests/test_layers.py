@@ -1,14 +1,17 @@
 """Who may import whom: downwards only; and one door for each heavy library."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 import o3dmark
+from fixtures.paths import ROOT
 
 PACKAGE = Path(o3dmark.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -51,10 +54,13 @@ def imports(file: Path) -> Iterator[str]:
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file.name}:{node.lineno} imports relatively"
-            if node.module == "o3dmark":
-                yield from (f"o3dmark.{name.name}" for name in node.names)
-            else:
-                yield str(node.module)
+            inner = node.module == "o3dmark" or _is_package(str(node.module))
+            yield from (f"{node.module}.{name.name}" for name in node.names) if inner else [str(node.module)]
+
+
+def _is_package(name: str) -> bool:
+    head, *rest = name.split(".")
+    return head == "o3dmark" and PACKAGE.joinpath(*rest, "__init__.py").exists()
 
 
 @pytest.mark.parametrize("file", FILES, ids=module_of)
@@ -67,12 +73,36 @@ def test_imports_go_downwards(file: Path) -> None:
             assert LEVEL.get(rest[0], len(LEVEL)) < LEVEL[unit], f"{unit} must not import {name}"
 
 
+def test_no_module_imports_itself_by_a_detour() -> None:
+    """Within a room, too: the modules can be put in an order in which each imports only earlier ones."""
+    modules = {module_of(file) for file in FILES}
+    graph = {module_of(file): {known for name in imports(file) if (known := _module(name, modules))} for file in FILES}
+    order = list(TopologicalSorter({name: found - {name} for name, found in graph.items()}).static_order())
+    assert set(order) == modules
+
+
+def _module(name: str, modules: set[str]) -> str | None:
+    """The module of the package that an import names, or has a part of, as `module_of` writes it; None for others."""
+    if not name.startswith("o3dmark."):
+        return None
+    dotted = name.removeprefix("o3dmark.")
+    return next((known for known in (dotted, dotted.rpartition(".")[0]) if known in modules), None)
+
+
 @pytest.mark.parametrize("file", FILES, ids=module_of)
 def test_heavy_libraries_have_one_door(file: Path) -> None:
     module = module_of(file)
     for name in imports(file):
         doors = DOORS.get(name.split(".")[0], {module})
         assert module in doors or module.split(".")[0] in doors, f"{module} must not import {name}"
+
+
+def test_the_architecture_page_has_the_same_layers() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    shown: dict[int, set[str]] = {}
+    for number, names in re.findall(r"^\| (\d+) \| ((?:`\w+`(?:, )?)+) \|", page, re.MULTILINE):
+        shown.setdefault(int(number), set()).update(re.findall(r"`(\w+)`", names))
+    assert shown == dict(enumerate((set(line.split()) for line in LAYERS.strip().splitlines()), start=1))
 
 
 def test_the_walk_sees_lazy_imports(tmp_path: Path) -> None:

@@ -206,8 +206,8 @@ def test_plans_lead_to_codewords_keep_within_their_limit_and_come_widest_margin_
     root = rng.standard_normal((24, 30))
     cost, steps = root @ root.T, np.geomspace(0.4, 0.1, 9)
     comb = Comb(values, bits, dither, cost)
-    limit = 0.98 * plans(comb, steps[:1], 0.0, np.inf)[0].size
-    found = plans(comb, steps, 0.04, limit)
+    limit = 0.98 * next(plans(comb, steps[:1], 0.0, np.inf)).size
+    found = list(plans(comb, steps, 0.04, limit))
     assert [plan.margin for plan in found] == sorted((plan.margin for plan in found), reverse=True)
     assert any(plan.margin < 0.249 * plan.step for plan in found)  # some stop short of their codewords
     for plan in found:

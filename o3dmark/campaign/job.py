@@ -16,7 +16,7 @@ from o3dmark.campaign.plan import UNTOUCHED, Case, Job, Reading
 from o3dmark.campaign.plugins import load_plugins
 from o3dmark.campaign.row import UNMARKED, Row
 from o3dmark.campaign.saliency_rank import rank_correlation
-from o3dmark.campaign.specimen import Specimen, key_of, specimen
+from o3dmark.campaign.specimen import Specimen, key_of
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.saliency import Saliency
@@ -39,7 +39,7 @@ def run_job(job: Job) -> Outcome:
     """Do a job. It has a row for each of its readings, whatever fails."""
     try:
         load_plugins(job.plugins)
-        made = specimen(job)
+        made = Specimen.of(job)
         common = _cost(job, made) | {"embed_seconds": round(made.seconds, 3)}
     except Exception as error:
         return failed(job, f"marking: {_reason(job, error)}")

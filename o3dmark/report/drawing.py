@@ -2,6 +2,7 @@
 
 import io
 import re
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 
 from o3dmark.arrays import Floats
-from o3dmark.report.data import Row, interval, strength
+from o3dmark.campaign.row import Row
+from o3dmark.report.condition import strength
+from o3dmark.report.summary import interval
 
 # Told apart by people who see no red or no green, too, on white and on near black; the markers help where lines cross.
 COLOURS = ("#1f80c9", "#d55e00", "#00a078", "#dd9a00", "#c673a0", "#4db3e6", "#8f7448", "#8a8a92")
@@ -20,6 +23,7 @@ _STYLE = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 10.5,
+    "text.parse_math": False,  # names are text, whatever dollars they hold
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.edgecolor": INK,
@@ -36,19 +40,21 @@ _WIDTH = 40  # characters that fit below the x axis
 def axes_for(conditions: Sequence[str] = ()) -> tuple[Canvas, Any, Floats, bool]:
     """A canvas, its axes, where the conditions stand on the x axis (k,), and whether that is by their strengths.
 
-    Strong attacks are on the right. Without strengths, conditions stand side by side.
+    Strong attacks are on the right. Without strengths in one unit, conditions stand side by side.
     """
     with matplotlib.rc_context(_STYLE):
         canvas = Canvas(figsize=(5.2, 4.1), layout="constrained")
         axes = canvas.add_subplot()
-    strengths = [strength(condition) for condition in conditions]
-    scaled = len(set(strengths)) > 1 and all(value is not None for value in strengths)
-    x = np.array(strengths if scaled else range(len(conditions)), np.float64)
+    strengths = [found for condition in conditions if (found := strength(condition))]
+    one_unit = len(strengths) == len(conditions) and len({unit for _, unit in strengths}) == 1
+    scaled = one_unit and len(set(strengths)) > 1
+    x = np.array([value for value, _ in strengths] if scaled else range(len(conditions)), np.float64)
     if conditions:
         room = _WIDTH * np.diff(np.sort(x)).min(initial=np.inf) / (np.ptp(x) or 1.0)
         crowded = room < max(map(len, conditions)) + 2
         slant = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if crowded else {}
-        axes.set_xticks(x, conditions, **slant)
+        with matplotlib.rc_context(_STYLE):
+            axes.set_xticks(x, conditions, **slant)
         if x[0] > x[-1]:
             axes.invert_xaxis()
     return canvas, axes, x, scaled
@@ -66,6 +72,11 @@ def colour(number: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
+def legend_name(name: str) -> str:
+    """A name as a label: matplotlib leaves out of the legend what begins with an underscore."""
+    return f" {name}" if name.startswith("_") else name
+
+
 def line(axes: Any, x: Any, samples: list[list[float]], label: str, number: int, joined: bool) -> None:
     """Means and 95 % intervals of one contestant; later ones are thinner, so that lines that coincide are all seen."""
     shade, marker = colour(number), MARKERS[number % len(MARKERS)]
@@ -74,20 +85,23 @@ def line(axes: Any, x: Any, samples: list[list[float]], label: str, number: int,
     if joined:
         axes.fill_between(x, ends[:, 0], ends[:, 1], color=shade, alpha=0.14, linewidth=0)
         width = max(1.2, 4.2 - 0.7 * number)
-        axes.plot(x, means, color=shade, linewidth=width, marker=marker, markersize=width + 3.4, label=label)
+        axes.plot(
+            x, means, color=shade, linewidth=width, marker=marker, markersize=width + 3.4, label=legend_name(label)
+        )
     else:
         axes.vlines(x, ends[:, 0], ends[:, 1], color=shade, alpha=0.35, linewidth=5)
-        axes.plot(x, means, color=shade, marker=marker, markersize=6, linestyle="none", label=label)
+        axes.plot(x, means, color=shade, marker=marker, markersize=6, linestyle="none", label=legend_name(label))
 
 
 def corrs(rows: list[Row]) -> list[float]:
     """The Corr of those rows that have one."""
-    return [row["corr"] for row in rows if row["corr"] is not None]
+    return [row.corr for row in rows if row.corr is not None]
 
 
 def svg(canvas: Canvas, axes: Any, name: str) -> str:
     """The figure as an element for a page: no head, no links, ink replaced by the page's."""
-    with matplotlib.rc_context(_STYLE | {"svg.hashsalt": name}):
+    with matplotlib.rc_context(_STYLE | {"svg.hashsalt": name}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # the page's font draws the text, not matplotlib's
         canvas.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=10)
         file = io.StringIO()
         canvas.savefig(

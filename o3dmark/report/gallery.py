@@ -1,158 +1,152 @@
-"""What marks and attacks look like: the campaign's meshes marked anew, attacked, and drawn.
+"""The pictures that a campaign keeps, and how saliency fares: captions and numbers are from the rows."""
 
-Meshes are taken one after the other and let go: each has its saliency drawn; if the campaign's gallery names it, it is
-marked, once, and put through the gallery's attacks. One mesh alone gets pictures of those.
-"""
-
-import io
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.image import imsave
-
-from o3dmark.arrays import Floats
-from o3dmark.campaign import Case, Job, Source, Specimen, specimen
 from o3dmark.campaign.plan import UNTOUCHED
-from o3dmark.campaign.saliency_rank import rank_correlation
-from o3dmark.campaign.specimen import cover_of
-from o3dmark.errors import O3dmarkError
-from o3dmark.mesh.saliency import Saliency
-from o3dmark.report.content import Cell, Picture, Section, Table, number
-from o3dmark.report.data import Results, Row, corr, mean
-from o3dmark.view import render
+from o3dmark.campaign.row import Row
+from o3dmark.errors import SpecError
+from o3dmark.report.content import Cell, Picture, Section, Table, corr_number, fitting, number
+from o3dmark.report.data import Contestant, Results
+from o3dmark.report.summary import corr, mean
 
-SIZE = (360, 330)  # pixels
-MARKED = Case(UNTOUCHED, "-", ())  # what the mark alone does to saliency
-SUBJECT = "Bimba"  # the mesh that the paper shows after attacks
+LIST = "pictures.json"
 
 
 @dataclass(frozen=True)
-class After:
-    """A mesh after one case: how its saliency kept its order (or why that is unknown), and the pictures, if wanted."""
+class Kept:
+    """A line of the list of pictures: the JPEG, and what it shows."""
 
-    case: str
-    rank: float | None
-    reason: str = ""
-    mesh: Picture | None = None
-    saliency: Picture | None = None
-
-
-@dataclass(frozen=True)
-class Model:
-    """What there is to show of a mesh; ``marked`` and ``after`` are empty for those that the gallery does not name."""
-
-    name: str
-    saliency: Picture
-    marked: tuple[Picture, ...] = ()
-    after: tuple[After, ...] = ()
+    jpeg: bytes
+    mesh: str
+    kind: str
+    group: str
+    condition: str
+    caption: str
 
 
 def gallery_sections(results: Results) -> Iterator[Section]:
     """Saliency of every mesh; those marked; one mesh after every attack; its saliency before and after them."""
-    wish = (
-        {} if results.campaign.gallery is None else {"method": results.campaign.main} | asdict(results.campaign.gallery)
+    kept = _kept(results.directory)
+    subject = results.campaign.gallery.subject if results.campaign.gallery else ""
+    if not kept:
+        yield Section("Pictures", "This folder keeps no pictures.")
+    yield from _section(
+        "Saliency of the meshes",
+        "Mesh saliency after Lee et al., five scales, from the 2nd to the 98th percentile: yellow draws the eye.",
+        [Picture(each.mesh, each.jpeg, each.caption) for each in kept if each.kind == "saliency"],
     )
-    jobs = _jobs(results, wish)
-    subject = SUBJECT if SUBJECT in jobs else next(iter(jobs), "")
-    attacks = {*wish.get("attacks", ())}
-    cases = [MARKED, *(case for case in results.campaign.cases if f"{case.group}/{case.condition}" in attacks)]
-    models = [_model(results, mesh, jobs.get(mesh.name), cases, subject) for mesh in results.campaign.meshes]
-    shown = next((model for model in models if model.name == subject), None)
-    intro = "Mesh saliency after Lee et al., five scales, from the 2nd to the 98th percentile: yellow draws the eye."
-    yield Section("Saliency of the models", intro, tuple(model.saliency for model in models))
-    intro = (
-        f"Each model and its copy marked with {wish.get('method', '')} (seed {results.campaign.seeds[0]}), from the"
-        " same point of view. Corr is that of the bits read from the copy."
+    yield from _section(
+        "Marked meshes",
+        f"Each mesh and its copy marked with {results.campaign.main} (seed {results.campaign.seeds[0]}), from the same"
+        " point of view. Corr is that of the bits read from the copy.",
+        [_marked(results, each) for each in kept if each.kind in ("original", "marked")],
     )
-    yield Section("Marked models", intro, tuple(picture for model in models for picture in model.marked))
-    intro = "The marked mesh after each attack, and how well its bits were read."
-    after = shown.after if shown else ()
-    yield Section(f"{subject} after attacks", intro, tuple(each.mesh for each in after if each.mesh))
-    yield _stability([model for model in models if model.after], shown)
+    yield from _section(
+        f"{subject} after attacks",
+        "The marked mesh after each attack, and how well its bits were read.",
+        [_attacked(results, each) for each in kept if each.kind == "attacked" and each.mesh == subject],
+    )
+    yield from _saliency(results, [each for each in kept if each.mesh == subject])
 
 
-def _stability(models: list[Model], shown: Model | None) -> Section:
+def _section(title: str, intro: str, pictures: list[Picture]) -> Iterator[Section]:
+    if pictures:
+        yield Section(title, intro, tuple(pictures))
+
+
+def _saliency(results: Results, kept: list[Kept]) -> Iterator[Section]:
     """Saliency after attacks beside that of the cover, in pictures and in numbers."""
+    tables = [table for who in results.contestants for table in _ranks(results, who)]
+    pictures = [_saliency_picture(results, each) for each in kept if each.kind == "attacked saliency"]
+    if pictures:
+        pictures = [Picture(each.mesh, each.jpeg, "cover") for each in kept if each.kind == "saliency"] + pictures
     intro = (
         "A blind method that chooses vertices by saliency needs an attacked mesh to order them as its cover did."
         " Spearman's rank correlation ρ says how well it does: 1 for the same order, 0 for none. Where the"
         " triangulation changed, nearest vertices are compared, after any change of pose and size is undone."
     )
-    pictures, tables = [], []
-    if shown and shown.after:
-        pictures = [Picture(shown.name, shown.saliency.jpeg, "cover")]
-        pictures += [each.saliency for each in shown.after if each.saliency]
-    if models:
-        head = ("Spearman's ρ of saliency", *(model.name for model in models), "mean")
-        rows = tuple(_rank_row([model.after[k] for model in models]) for k in range(len(models[0].after)))
-        tables = [Table("Rank correlation of saliency with the cover's", head, rows)]
-    return Section("Saliency before and after attacks", intro, (*pictures, *tables))
+    if pictures or tables:
+        yield Section("Saliency before and after attacks", intro, (*pictures, *tables))
 
 
-def _rank_row(models: list[After]) -> tuple[Cell, ...]:
-    """One case, in all models, and the mean."""
-    cells = (Cell(number(after.rank), after.reason) for after in models)
-    return (Cell(models[0].case), *cells, Cell(number(mean(after.rank for after in models))))
+def _ranks(results: Results, who: Contestant) -> Iterator[Table]:
+    """The rank correlations of a contestant's readings, where the campaign asked for them."""
+    rows = [_rank_row(results, who, *each) for each in [(UNTOUCHED, "-"), *results.conditions]]
+    if rows := [row for row in rows if row]:
+        head = ("Spearman's ρ of saliency", *results.meshes, "mean")
+        title = f"Rank correlation of saliency with the cover's: {who.name}"
+        yield fitting(Table(title, head, tuple(rows), "Mean over the seeds.", folded=who != results.main))
 
 
-def _jobs(results: Results, wish: Mapping[str, Any]) -> dict[str, Job]:
-    """The jobs to draw, by the names of their meshes: each wanted mesh, first seed, first number of bits."""
-    campaign = results.campaign
-    wanted = {(name, wish["method"], campaign.seeds[0], campaign.bits[0]) for name in wish.get("meshes", ())}
-    return {job.mesh.name: job for job in campaign.jobs() if (job.mesh.name, job.label, job.seed, job.n_bits) in wanted}
+def _rank_row(results: Results, who: Contestant, group: str, condition: str) -> tuple[Cell, ...]:
+    """One condition on all meshes, and the mean; empty where it was not asked for."""
+    rows = [row for row in results.of(who, group, condition) if row.saliency_rank is not None or row.saliency_failure]
+    if not rows:
+        return ()
+    cells = (_rank_cell([row for row in rows if row.mesh == mesh]) for mesh in results.meshes)
+    name = "marked" if group == UNTOUCHED else f"{group} {condition}"
+    return (Cell(name), *cells, Cell(number(mean(row.saliency_rank for row in rows))))
 
 
-def _model(results: Results, mesh: Source, job: Job | None, cases: list[Case], subject: str) -> Model:
-    try:
-        cover = cover_of(mesh)
-        saliency = Saliency()(cover)
-        picture = _picture(mesh.name, cover, f"{len(cover.vertices):,} vertices", saliency)
-    except O3dmarkError as error:  # the files of real meshes may be gone by now
-        return Model(mesh.name, Picture(f"{mesh.name}: not drawn", b"", str(error)))
-    if job is None:
-        return Model(mesh.name, picture)
-    rows = [row for row in results.rows if row["job"] == job.id]
-    try:
-        marked = specimen(job)
-    except Exception as error:  # ours or a library's: the report goes on, as the campaign did
-        return Model(mesh.name, picture, (Picture(f"{mesh.name}: not marked", b"", str(error)),))
-    pair = (
-        _picture(mesh.name, cover, "original"),
-        _picture(f"{mesh.name}, marked", marked.marked, _marked_caption(rows), frame=cover),
+def _rank_cell(rows: list[Row]) -> Cell:
+    reason = next((row.saliency_failure for row in rows if row.saliency_failure), "")
+    return Cell(number(mean(row.saliency_rank for row in rows)), reason)
+
+
+def _marked(results: Results, kept: Kept) -> Picture:
+    if kept.kind == "original":
+        return Picture(kept.mesh, kept.jpeg, _joined("original", kept.caption))
+    rows = _drawn(results, kept.mesh, UNTOUCHED, "-")
+    mrms = mean(row.metrics.get("mrms") for row in rows)
+    cost = "" if mrms is None else f"MRMS {1e3 * mrms:.2f} · 10⁻³"
+    return Picture(f"{kept.mesh}, marked", kept.jpeg, _joined(cost, f"Corr {corr_number(corr(rows))}", kept.caption))
+
+
+def _attacked(results: Results, kept: Kept) -> Picture:
+    rows = _drawn(results, kept.mesh, kept.group, kept.condition)
+    message = "message read" if any(row.message_ok for row in rows) else ""
+    return Picture(
+        f"{kept.group} {kept.condition}",
+        kept.jpeg,
+        _joined(f"Corr {corr_number(corr(rows))}", message, kept.caption),
     )
-    drawn = mesh.name == subject
-    return Model(mesh.name, picture, pair, tuple(_after(marked, saliency, rows, case, drawn) for case in cases))
 
 
-def _after(marked: Specimen, before: Floats, rows: list[Row], case: Case, drawn: bool) -> After:
-    title = "marked" if case is MARKED else f"{case.group} {case.condition}"
+def _saliency_picture(results: Results, kept: Kept) -> Picture:
+    rows = _drawn(results, kept.mesh, kept.group, kept.condition)
+    title = "marked" if kept.group == UNTOUCHED else f"{kept.group} {kept.condition}"
+    return Picture(title, kept.jpeg, _joined(f"ρ = {number(mean(row.saliency_rank for row in rows))}", kept.caption))
+
+
+def _drawn(results: Results, mesh: str, group: str, condition: str) -> list[Row]:
+    """The readings of the mesh that was drawn: the campaign's own method, its first seed and number of bits."""
+    rows = results.of(results.main, group, condition, mesh) if results.main else []
+    return [row for row in rows if row.seed == results.campaign.seeds[0]]
+
+
+def _joined(*texts: str) -> str:
+    return ", ".join(filter(None, texts))
+
+
+def _kept(directory: Path) -> list[Kept]:
+    """The pictures of a folder; none where it has no list. Errors: SpecError for a list that is damaged."""
+    path = directory / LIST
+    if not path.exists():
+        return []
     try:
-        mesh = marked.attacked(case)
-        saliency = Saliency()(mesh)
-        rank = rank_correlation(marked.cover, before, mesh, saliency)
-        if not drawn:
-            return After(title, rank)
-        coloured = _picture(title, mesh, f"ρ = {number(rank)}", saliency)
-        plain = None if case is MARKED else _picture(title, mesh, _read(rows, case))
-        return After(title, rank, "", plain, coloured)
-    except Exception as error:  # likewise
-        return After(title, None, str(error))
+        return [_read(directory, each) for each in json.loads(path.read_text(encoding="utf-8"))]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SpecError(f"{path} is damaged: {error}") from None
 
 
-def _marked_caption(rows: list[Row]) -> str:
-    row = next((row for row in rows if row["mrms"] is not None), None)
-    return "" if row is None else f"MRMS {1e3 * row['mrms']:.2f} · 10⁻³, Corr {number(row['corr'])}"
-
-
-def _read(rows: list[Row], case: Case) -> str:
-    found = [row for row in rows if (row["group"], row["condition"]) == (case.group, case.condition)]
-    message = ", message read" if any(row["message_ok"] for row in found) else ""
-    return f"Corr {number(corr(found))}{message}"
-
-
-def _picture(title: str, mesh: Any, caption: str, scalars: Floats | None = None, frame: Any = None) -> Picture:
-    image, file = render(mesh, scalars, size=SIZE, frame=frame), io.BytesIO()
-    imsave(file, np.ascontiguousarray(image), format="jpeg", pil_kwargs={"quality": 86})
-    return Picture(title, file.getvalue(), caption)
+def _read(directory: Path, entry: dict[str, Any]) -> Kept:
+    """One picture; it must lie in the folder, so that no report shows another file of whoever makes it."""
+    file = (directory / entry["file"]).resolve()
+    if not file.is_relative_to(directory.resolve()):
+        raise ValueError(f"{entry['file']} is not in the folder")
+    texts = (str(entry.get(name) or "") for name in ("mesh", "kind", "group", "condition", "caption"))
+    return Kept(file.read_bytes(), *texts)

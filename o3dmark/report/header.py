@@ -1,58 +1,76 @@
 """What a reader should know first: how the figures came about, and the few that matter most."""
 
-from o3dmark.report.content import Cell, compared
-from o3dmark.report.data import Contestant, Results, corr, mean
-from o3dmark.report.paper import both
+from o3dmark.campaign import Run
+from o3dmark.campaign.row import UNMARKED, WRONG_KEY
+from o3dmark.report.content import Cell, ber_number, number
+from o3dmark.report.cost import cost, measure
+from o3dmark.report.data import Results
+from o3dmark.report.summary import ber, mean
+from o3dmark.report.tables import agreement, share
 
 
 def facts(results: Results) -> dict[str, str]:
     """Names and values for the report's head."""
-    campaign, about = results.campaign, results.about
-    versions = sorted({row["version"] for row in results.rows})
-    jobs, there = len(list(campaign.jobs())), len({row["job"] for row in results.rows})
-    seconds = sum(row["seconds"] or 0.0 for row in results.rows)
+    campaign = results.campaign
+    several = len(results.runs) > 1
     return {
-        "command": about.get("command") or "not recorded",
-        "date": str(about.get("started", "")),
-        "version": "o3dmark " + ", ".join(versions),
-        "machine": f"{about.get('machine', '')}, Python {about.get('python', '')}",
+        **{f"run {count}" if several else "run": run_text(run) for count, run in enumerate(results.runs, start=1)},
         "seeds": ", ".join(map(str, campaign.seeds)),
         "bits": ", ".join(map(str, campaign.bits)),
         "meshes": "; ".join(_mesh_text(results, mesh.name, mesh.public) for mesh in campaign.meshes),
-        "readings": f"{len(results.rows)} of {there} jobs" + (f" (of {jobs}: unfinished)" if there < jobs else ""),
-        "extraction": f"{seconds / max(1, len(results.rows)):.2f} s on average",
+        **(_measured(results) if results.rows else {}),
+        **_quoted(results),
     }
 
 
+def _measured(results: Results) -> dict[str, str]:
+    """How many rows there are, by which versions, and how long a reading takes."""
+    jobs, there = len(list(results.campaign.jobs())), len({row.job for row in results.rows})
+    seconds = mean(row.seconds for row in results.rows)
+    return {
+        "readings": f"{len(results.rows)} of {there} jobs" + (f" (of {jobs}: unfinished)" if there < jobs else ""),
+        "measured by": "o3dmark " + ", ".join(sorted({row.version for row in results.rows})),
+        "extraction": f"{number(seconds)} s on average",
+    }
+
+
+def _quoted(results: Results) -> dict[str, str]:
+    """Whose figures ours stand beside, if anybody's."""
+    methods = dict.fromkeys(entry.method for entry in results.published.entries)
+    names = "; ".join(map(results.published.name, methods))
+    return {"published figures": f"quoted, of {names}; all others were measured here"} if names else {}
+
+
+def run_text(run: Run) -> str:
+    """Who computed rows: command, date, version, commit, machine."""
+    version = f"o3dmark {run.version} ({f'commit {run.commit}' if run.commit else 'no commit'})"
+    return f"{run.command}, {run.started}, {version}, {run.machine}, Python {run.python}"
+
+
 def tiles(results: Results) -> dict[str, Cell]:
-    """The headline figures of the campaign's main contestant."""
-    who = next((each for each in results.contestants if each.label == results.campaign.main), results.contestants[0])
-    shown = {"method": Cell(who.name, results.campaign.methods[who.label])} | _agreement(results, who)
-    messages = [row["message_ok"] for row in results.attacked(who) if row["message_ok"] is not None]
-    if messages:
-        shown["messages read after attacks"] = Cell(
-            f"{sum(messages)} of {len(messages)}", "exactly, checked by p-value"
-        )
-    if strangers := [row["message_read"] for row in results.strangers(who) if row["message_read"] is not None]:
-        shown["messages read with a wrong key"] = Cell(f"{sum(strangers)} of {len(strangers)}", "should be none")
-    if (mrms := results.cost(who, "mrms")) is not None:
-        shown["distortion, MRMS"] = Cell(f"{1e3 * mrms:.2f} · 10⁻³", "of the bounding-box diagonal")
-    return shown
-
-
-def _agreement(results: Results, who: Contestant) -> dict[str, Cell]:
-    pairs = [
-        both(results, who, group, condition) for group, conditions in results.groups.items() for condition in conditions
-    ]
-    shown = [(ours, theirs) for rows, theirs in pairs if (ours := corr(rows)) is not None and theirs is not None]
-    if not shown:
+    """The headline figures of the method that the campaign calls its own; none where no rows are kept."""
+    label, who = results.campaign.main, results.main
+    if not results.rows:
         return {}
-    ours, theirs = mean(ours for ours, _ in shown) or 0.0, mean(theirs for _, theirs in shown) or 0.0
-    cell = compared(ours, theirs)
-    return {"mean Corr in the paper's tables": Cell(cell.text, f"{cell.remark}, {len(shown)} conditions", cell.tone)}
+    if who is None:
+        return {"method": Cell(label, "no reading yet")}
+    attacked = results.attacked(who)
+    over = "in the published tables" if results.compared else "after attacks"
+    shown = {
+        "method": Cell(who.name, results.campaign.methods[label]),
+        f"mean Corr {over}": agreement(results, who),
+        "mean BER after attacks": Cell(ber_number(ber(attacked)), "share of bits read wrongly"),
+        "messages read after attacks": share(attacked, "message_ok"),
+        "messages read with wrong keys": share(results.controls(who, WRONG_KEY), "message_read"),
+        "messages read from unmarked meshes": share(results.controls(who, UNMARKED), "message_read"),
+    }
+    for metric in results.metrics[:1]:
+        if (value := cost(results, who, metric)) is not None:
+            shown[f"cost, {measure(metric).title}"] = Cell(f"{value:.2f}", "mean over meshes and seeds")
+    return {name: cell for name, cell in shown.items() if cell.text != "–"}
 
 
 def _mesh_text(results: Results, name: str, source: str) -> str:
-    sizes = {row["vertices"] for row in results.rows if row["mesh"] == name and row["vertices"]}
+    sizes = {row.vertices for row in results.rows if row.mesh == name and row.vertices}
     size = f", {min(sizes):,} vertices".replace(",", " ").replace("  ", ", ") if sizes else ""
     return f"{name} ({source}{size})"

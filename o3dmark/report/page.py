@@ -1,7 +1,7 @@
 """The report as one HTML page that loads nothing: style and template beside this file, pictures inside."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import groupby
@@ -19,15 +19,22 @@ def page(title: str, facts: Mapping[str, str], tiles: Mapping[str, Cell], sectio
         title=escape(title),
         facts="".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()),
         tiles="".join(_tile(name, cell) for name, cell in tiles.items()),
-        tones=_legend() if any(cell.tone for cell in tiles.values()) else "",
+        tones=_legend() if any(cell.tone for cell in _cells(tiles, sections)) else "",
         contents="".join(f'<a href="#{_anchor(section)}">{escape(section.title)}</a>' for section in sections),
         sections="".join(map(_section, sections)),
     )
 
 
+def _cells(tiles: Mapping[str, Cell], sections: Sequence[Section]) -> Iterator[Cell]:
+    yield from tiles.values()
+    tables = (block for section in sections for block in section.blocks if isinstance(block, Table))
+    yield from (cell for table in tables for row in table.rows for cell in row)
+
+
 def _legend() -> str:
-    """What the colours mean, where there is something to compare with."""
-    return "".join(f'<span class="{tone}">{escape(text)}</span>' for tone, text in TONES.items())
+    """What the colours mean, where something is compared."""
+    spans = (f'<span class="{tone}">{escape(text)}</span>' for tone, text in TONES.items())
+    return f'<p class="tones">{"".join(spans)}</p>'
 
 
 def _tile(name: str, cell: Cell) -> str:

@@ -1,105 +1,92 @@
-"""The paper's comparisons with other methods, continued with our contestants: curves and tables.
+"""Figures that somebody has printed, from the CSV that a campaign names and keeps.
 
-Every figure for a rival is the paper's; none of them was run here.
+    table,method,metric,condition,model,value
+    noise,hamidi,corr,0.05%,Flower,0.97
+    noise comparison,cho2007,corr,0.1%,Bunny,0.72
+    imperceptibility,hamidi,mrms_e-3,saliency,Flower,0.6
+
+``table``: a table of attacks of the campaign; or its name and "comparison", where several methods stand beside each
+other; or "imperceptibility", or "imperceptibility comparison" (condition empty). ``model`` is the name of a mesh of the
+campaign. ``metric``: corr, or mrms_e-3, hd_e-3 (thousandths of the diagonal), msdm. The first method of the file is the
+one that ours are compared with. Nothing is compared unless table, condition and model are all in the file.
 """
 
-from collections.abc import Iterator
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-import numpy as np
+from o3dmark.errors import SpecError
+from o3dmark.report.condition import same
+from o3dmark.report.summary import mean
 
-from o3dmark.report.content import Cell, Figure, Section, Table, compared, number
-from o3dmark.report.data import Results, corr, mean
-from o3dmark.report.drawing import INK, axes_for, corr_axis, corrs, line, svg
-from o3dmark.report.paper import METRICS, PAPER
-
-_NAMES = {
-    "hamidi": "the paper's method",
-    "cho2007": "Cho 2007",
-    "zhan2014": "Zhan 2014",
-    "rolland2014": "Rolland-Nevière 2014",
-    "son2017": "Son 2017",
-}
-_STYLES = {"hamidi": ("--", "."), "cho2007": (":", "x"), "zhan2014": ("-.", "+")}  # line and marker
-_SAME = "Ours are measured here on the same model; the shades are 95 % bootstrap intervals over its seeds."
-_OTHERS = (
-    "This campaign has none of the models that they were compared on: theirs are means over {theirs}, ours over {ours}."
-    " That shows where a method gives way, not by how much one is better than another."
-)
+COMPARISON = " comparison"  # the end of the names of tables that hold several methods
+COLUMNS = ("table", "method", "metric", "condition", "model", "value")
 
 
-def comparison_sections(results: Results) -> Iterator[Section]:
-    """Curves first, then the tables behind them, then imperceptibility."""
-    meshes = {mesh.name for mesh in results.campaign.meshes}
-    groups = [group for group in results.groups if PAPER.models(f"{group} comparison")]
-    pairs = [(group, model) for group in groups for model in PAPER.models(f"{group} comparison") if model in meshes]
-    figures = [_curves(results, group, (model,), same=True) for group, model in pairs]
-    if not pairs:
-        figures = [_curves(results, group, PAPER.models(f"{group} comparison"), same=False) for group in groups]
-    tables = [_comparison(results, f"{group} comparison", group, model) for group, model in pairs]
-    models = (model for model in PAPER.models("imperceptibility comparison") if model in meshes)
-    tables += [_cost_comparison(results, model) for model in models]
-    others = {model for group in groups for model in PAPER.models(f"{group} comparison")}
-    basis = _SAME if pairs else _OTHERS.format(theirs=" and ".join(sorted(others)), ours=", ".join(sorted(meshes)))
-    intro = "Broken lines without colour are other methods and the paper's own, with the figures that the paper gives. "
-    yield Section("Comparison with published methods", intro + basis, (*filter(None, figures), *tables))
+class Entry(NamedTuple):
+    """One printed figure."""
+
+    table: str
+    method: str
+    metric: str
+    condition: str
+    model: str
+    value: float
 
 
-def _curves(results: Results, group: str, models: tuple[str, ...], *, same: bool) -> Figure | None:
-    """Corr over strength, theirs on ``models``; ours on those if they are the ``same``, on all meshes otherwise."""
-    table, wanted = f"{group} comparison", set(models if same else (mesh.name for mesh in results.campaign.meshes))
-    conditions = [each for each in results.groups[group] if PAPER.mean_of(table, each, models) is not None]
-    if len(conditions) < 2:
-        return None
-    canvas, axes, x, scaled = axes_for(conditions)
-    for count, who in enumerate(results.contestants):
-        samples = [corrs([row for row in results.of(who, group, each) if row["mesh"] in wanted]) for each in conditions]
-        line(axes, x, samples, who.name, count, scaled)
-    for method in PAPER.methods(table):
-        values = [mean(PAPER.value(table, each, model, method=method) for model in models) for each in conditions]
-        drawn = np.array([np.nan if value is None else value for value in values])
-        style, marker = _STYLES.get(method, ("--", "1"))
-        axes.plot(x, drawn, color=INK, linewidth=1.4, linestyle=style, marker=marker, label=_NAMES[method])
-    corr_axis(axes)
-    title = f"{group.capitalize()}: {models[0]}" if same else group.capitalize()
-    return Figure(title, svg(canvas, axes, f"comparison {title}"))
+@dataclass(frozen=True)
+class Published:
+    """All printed figures that a campaign is compared with; none at all for most campaigns."""
 
+    entries: tuple[Entry, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
 
-def _comparison(results: Results, table: str, group: str, model: str) -> Table:
-    conditions = [each for each in results.groups[group] if PAPER.value(table, each, model) is not None]
-    rows = [
-        (
-            Cell(f"{_NAMES[method]}, as published"),
-            *(Cell(number(PAPER.value(table, each, model, method=method))) for each in conditions),
+    @classmethod
+    def read(cls, text: str, names: Mapping[str, str]) -> "Published":
+        """The CSV as text; ``names`` says how to call its methods. Errors: SpecError with the line's number."""
+        lines = csv.reader(text.splitlines())
+        if tuple(next(lines, ())) != COLUMNS:
+            raise SpecError(f"published figures: the first line should be {','.join(COLUMNS)}")
+        return cls(tuple(_entry(line, lines.line_num) for line in lines if line), names)
+
+    @property
+    def method(self) -> str:
+        """The method that ours are compared with: the first of the file."""
+        return self.entries[0].method if self.entries else ""
+
+    def name(self, method: str) -> str:
+        """What to call a method."""
+        return self.names.get(method, method)
+
+    def value(
+        self, table: str, condition: str, model: str, metric: str = "corr", method: str | None = None
+    ) -> float | None:
+        """One figure, or None. Conditions are the same when number and unit are: "0.10%" is "0.1%"."""
+        wanted = (table, self.method if method is None else method, metric)
+        found = (
+            entry.value
+            for entry in self.entries
+            if entry[:3] == wanted and entry.model == model and same(entry.condition, condition)
         )
-        for method in PAPER.methods(table)
-    ]
-    rows += [
-        (
-            Cell(who.name),
-            *(
-                compared(corr(results.of(who, group, each, model)), PAPER.value(table, each, model))
-                for each in conditions
-            ),
-        )
-        for who in results.contestants
-    ]
-    return Table(f"{group.capitalize()}: {model}", ("Corr", *conditions), tuple(rows), folded=True)
+        return next(found, None)
+
+    def mean_of(self, table: str, condition: str, models: Iterable[str], metric: str = "corr") -> float | None:
+        """The mean over those of the models that have the figure; None without any."""
+        return mean(self.value(table, condition, model, metric) for model in models)
+
+    def models(self, table: str) -> tuple[str, ...]:
+        """The models of a table in its order."""
+        return tuple(dict.fromkeys(entry.model for entry in self.entries if entry.table == table))
+
+    def methods(self, table: str) -> tuple[str, ...]:
+        """The methods of a table in its order."""
+        return tuple(dict.fromkeys(entry.method for entry in self.entries if entry.table == table))
 
 
-def _cost_comparison(results: Results, model: str) -> Table:
-    table, keys = "imperceptibility comparison", ("mrms_e-3", "msdm")
-    rows = [
-        (
-            Cell(f"{_NAMES[method]}, as published"),
-            *(Cell(number(PAPER.value(table, "", model, key, method))) for key in keys),
-        )
-        for method in PAPER.methods(table)
-    ]
-    for who in results.contestants:
-        costs = [(results.cost(who, METRICS[key][0], model), METRICS[key][1], key) for key in keys]
-        cells = (
-            compared(None if cost is None else factor * cost, PAPER.value(table, "", model, key), low=True)
-            for cost, factor, key in costs
-        )
-        rows.append((Cell(who.name), *cells))
-    return Table(f"Imperceptibility: {model}", ("", *(METRICS[key][2] for key in keys)), tuple(rows))
+def _entry(line: list[str], number: int) -> Entry:
+    try:
+        table, method, metric, condition, model, value = line
+        return Entry(table, method, metric, condition, model, float(value))
+    except ValueError:
+        raise SpecError(f"published figures, line {number}: should be {','.join(COLUMNS)}, not {line}") from None

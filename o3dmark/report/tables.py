@@ -1,175 +1,197 @@
-"""The tables that are ours alone: the overview, attacks that the paper has not, wrong keys, failures."""
+"""The tables that every campaign has: the overview, its attacks, mesh by mesh, and what failed."""
 
-import inspect
 from collections import Counter
-from typing import Any
+from collections.abc import Iterator
 
 from o3dmark.campaign.plan import UNTOUCHED
-from o3dmark.coding.detection import Rate
-from o3dmark.methods import METHODS
-from o3dmark.registry import describe
-from o3dmark.report.content import Cell, Section, Table, Tone, compared, number
-from o3dmark.report.data import Contestant, Results, Row, corr, mean
-from o3dmark.report.paper import PAPER, both
+from o3dmark.campaign.row import Row
+from o3dmark.report.content import Cell, Section, Table, ber_number, corr_cell, corr_number, fitting, number
+from o3dmark.report.cost import SCALES, cost, measure
+from o3dmark.report.data import Contestant, Results
+from o3dmark.report.summary import ber, corr, mean, share_interval
 
 _WORDS = 140  # length of a failure's reason that is worth showing
+CORR = "Corr is the correlation of the bits sent and read: 1 when every bit was read, 0 on average by chance."
 
 
-def overview_section(results: Results) -> Section:
-    """The contestants; one line for every condition of the paper, its mean and each contestant's; messages."""
-    conditions = _paper_conditions(results)
+def overview_section(results: Results) -> Iterator[Section]:
+    """The contestants, what they are, their means beside published ones, their messages."""
     tables = [_glance(results), _methods(results), _messages(results)]
-    intro = "Corr is 1 when every bit was read, 0 on average by chance."
-    if conditions:
-        intro += " Colours and arrows compare with the paper's mean over the same models."
-        rows = tuple(_overview_row(results, *each) for each in [(UNTOUCHED, "-"), *conditions])
-        head = ("Corr, mean over meshes and seeds", "paper", *(who.name for who in results.contestants))
-        tables.insert(2, Table("All methods in the paper's conditions", head, rows))
-    return Section("Overview", intro, tuple(tables))
+    intro = f"{CORR} BER is the share of bits read wrongly."
+    if results.compared:
+        intro += " Colours and arrows compare with the published mean over the same meshes."
+        tables.insert(2, published_conditions(results))
+    yield Section("Overview", intro, tuple(tables))
 
 
-def _paper_conditions(results: Results) -> list[tuple[str, str]]:
-    """The campaign's conditions that are in a table of the paper: (table, condition)."""
-    return [(group, each) for group, listed in results.groups.items() if PAPER.models(group) for each in listed]
+def published_conditions(results: Results) -> Table:
+    """One line for every condition that has published figures: their mean and each contestant's."""
+    there = {mesh for mesh in results.meshes if any(results.published.value(*each, mesh) for each in results.compared)}
+    untouched = (
+        corr_cell(corr(row for row in results.of(who, UNTOUCHED) if row.mesh in there)) for who in results.contestants
+    )
+    rows = [(Cell(UNTOUCHED), Cell("–"), *untouched)]
+    rows += [
+        (
+            Cell(f"{group} {condition}"),
+            Cell(number(results.published.mean_of(group, condition, results.meshes))),
+            *(_without_remark(_beside(results, who, group, condition)) for who in results.contestants),
+        )
+        for group, condition in results.compared
+    ]
+    caption = (
+        "Corr, mean over seeds and those meshes that have a published figure of their name. 1.00: every bit of every"
+        " reading."
+    )
+    head = ("mean Corr", "published", *(who.name for who in results.contestants))
+    return Table("All methods in the published conditions", head, tuple(rows), caption)
 
 
 def _glance(results: Results) -> Table:
     """One line for every contestant."""
-    conditions = _paper_conditions(results)
-    considered = conditions or [(group, each) for group, listed in results.groups.items() for each in listed]
     rows = []
     for who in results.contestants:
-        pairs = [both(results, who, *each) for each in considered]
-        costs = (results.cost(who, "mrms"), results.cost(who, "hausdorff"))
+        attacked = results.attacked(who)
+        costs = (number(cost(results, who, metric)) for metric in results.metrics)
         rows.append(
             (
                 Cell(who.name),
-                compared(
-                    mean(corr(ours) for ours, _ in pairs), mean(theirs for _, theirs in pairs) if conditions else None
-                ),
-                _share(results.attacked(who), "message_ok"),
-                *(Cell(number(None if cost is None else 1e3 * cost)) for cost in costs),
-                Cell(number(results.cost(who, "msdm"))),
-                Cell(number(mean(row["seconds"] for row in results.attacked(who)), 1)),
+                agreement(results, who),
+                Cell(ber_number(ber(attacked))),
+                share(attacked, "message_ok"),
+                *map(Cell, costs),
+                Cell(number(mean(row.seconds for row in attacked), 1)),
             )
         )
-    where = "paper's conditions" if conditions else "all attacks"
-    head = ("", f"mean Corr, {where}", "messages read", "MRMS · 10³", "HD · 10³", "MSDM", "s a reading")
-    return Table("At a glance", head, tuple(rows))
+    over = "published conditions" if results.compared else "all attacks"
+    head = (
+        "",
+        f"mean Corr, {over}",
+        "mean BER, all attacks",
+        "messages read",
+        *(measure(metric).title for metric in results.metrics),
+        "s a reading",
+    )
+    caption = (
+        f"Means over meshes, seeds and conditions. {SCALES} Messages: those read back exactly after all attacks, with"
+        " the 95 % interval of the share (Wilson)."
+    )
+    return Table("At a glance", head, tuple(rows), caption)
+
+
+def agreement(results: Results, who: Contestant) -> Cell:
+    """Mean Corr over conditions: those that have published figures, with their mean, or all where none has."""
+    if not results.compared:
+        return corr_cell(mean(corr(results.of(who, *each)) for each in results.conditions))
+    pairs = [results.beside(who, *each) for each in results.compared]
+    return corr_cell(mean(corr(ours) for ours, _ in pairs), mean(theirs for _, theirs in pairs))
 
 
 def _methods(results: Results) -> Table:
-    """What each contestant is, in the words of its own class, and what sets it apart from the method's defaults."""
-    rows = []
-    for label, spec in results.campaign.methods.items():
-        method = METHODS.make(spec)
-        needs = "key and cover mesh" if method.informed else "key alone (blind)"
-        says = (inspect.getdoc(type(method)) or "").partition("\n")[0]
-        rows.append((Cell(label), Cell(says), Cell(needs), Cell(_options(method))))
+    """What each method of the campaign is, as its own class says."""
+    rows = [
+        (Cell(label), *(Cell(told[name]) for name in ("says", "needs", "options")))
+        for label, told in results.methods.items()
+    ]
     head = ("", "how it works", "its reader needs", "options not at their default")
     return Table("The methods", head, tuple(rows), prose=True)
 
 
-def _options(method: Any) -> str:
-    changed = [
-        f"{name} = {value if isinstance(value, str) else format(value, 'g')} ({doc.partition(';')[0]})"
-        for name, _, default, doc in describe(type(method))
-        if (value := getattr(method, name)) != default
-    ]
-    return ", ".join(changed) or "none"
-
-
-def _overview_row(results: Results, group: str, condition: str) -> tuple[Cell, ...]:
-    cells, theirs = [], None
-    for who in results.contestants:
-        rows, theirs = both(results, who, group, condition)
-        full = compared(corr(rows), theirs)
-        cells.append(Cell(full.text, tone=full.tone))
-    name = group if condition == "-" else f"{group} {condition}"
-    return (Cell(name), Cell(number(theirs)), *cells)
-
-
 def _messages(results: Results) -> Table:
     """How many messages came back, table by table."""
-    groups = [UNTOUCHED, *results.groups]
     rows = [
-        (Cell(group), *(_share(results.of(who, group), "message_ok") for who in results.contestants))
-        for group in groups
+        (Cell(group), *(share(results.of(who, group), "message_ok") for who in results.contestants))
+        for group in [UNTOUCHED, *results.groups]
     ]
-    head = ("messages read back exactly", *(who.name for who in results.contestants))
-    caption = "Through the error-correcting code; with the 95 % interval of the share (Wilson)."
-    return Table("Messages", head, tuple(rows), caption)
+    caption = "Messages read back exactly, through the error-correcting code; the 95 % interval of the share (Wilson)."
+    return Table("Messages", ("after", *(who.name for who in results.contestants)), tuple(rows), caption)
 
 
-def other_attacks_section(results: Results) -> Section:
-    """The campaign's attacks that are in no table of the paper."""
+def attacks_section(results: Results) -> Iterator[Section]:
+    """The conditions that have no published figures: one cell for each of them and each contestant."""
     tables = [
-        Table(
-            group.capitalize(),
-            ("Corr; messages read", *(who.name for who in results.contestants)),
-            tuple(
-                (Cell(condition), *(_reading(results, who, group, condition) for who in results.contestants))
-                for condition in conditions
-            ),
-        )
+        _attack_table(results, group, [each for each in conditions if (group, each) not in results.compared])
         for group, conditions in results.groups.items()
-        if not PAPER.models(group)
     ]
-    intro = (
-        "Mean Corr of the raw bits, and messages read back exactly. Here colours and arrows count messages: up where"
-        " all were read, down where some were, twice down where none was."
-    )
-    return Section("Attacks beyond the paper", intro, tuple(tables))
+    intro = f"{CORR} Means over meshes and seeds; beside them the mean BER, and messages read back exactly."
+    if tables := [table for table in tables if table.rows]:
+        yield Section("Attacks without published figures" if results.compared else "Attacks", intro, tuple(tables))
 
 
-def wrong_key_section(results: Results) -> Section:
-    """What other keys read from the marked meshes: nothing, one hopes."""
-    rows = []
-    for who in results.contestants:
-        if strangers := results.strangers(who):
-            p_values = [row["p_value"] for row in strangers if row["p_value"] is not None]
-            cells = Cell(str(len(p_values))), Cell(number(corr(strangers))), _share(strangers, "message_read")
-            small = [
-                Cell(f"{sum(p <= rate for p in p_values)}", f"≤ {rate * len(p_values):.2g} expected")
-                for rate in (0.1, 0.01)
-            ]
-            rows.append((Cell(who.name), *cells, *small))
-    head = ("", "readings", "mean Corr", "messages read", "p ≤ 0.1", "p ≤ 0.01")
-    intro = (
-        "Every marked mesh was also read under keys that have nothing to do with it. A p-value says how often chance"
-        " does as well."
-    )
-    return Section("Wrong keys", intro, (Table("Readings under wrong keys", head, tuple(rows)),) if rows else ())
+def _attack_table(results: Results, group: str, conditions: list[str]) -> Table:
+    rows = [
+        (Cell(each), *(_reading(results.of(who, group, each)) for who in results.contestants)) for each in conditions
+    ]
+    return Table(group.capitalize(), ("mean Corr", *(who.name for who in results.contestants)), tuple(rows))
 
 
-def failure_section(results: Results) -> Section:
+def meshes_section(results: Results) -> Iterator[Section]:
+    """For each table of attacks and each contestant: every mesh in every condition."""
+    tables = [
+        _mesh_table(results, who, group, folded=who != results.main)
+        for group in results.groups
+        for who in results.contestants
+    ]
+    intro = "Corr, mean over the seeds."
+    if results.compared:
+        intro += (
+            " Below our figure stand the published one and the difference, where there is one for a mesh of that name;"
+            " the mean is then over those meshes alone."
+        )
+    if tables:
+        yield Section("Mesh by mesh", intro, tuple(tables))
+
+
+def _mesh_table(results: Results, who: Contestant, group: str, folded: bool) -> Table:
+    rows = [
+        (
+            Cell(each),
+            *(
+                corr_cell(corr(results.of(who, group, each, mesh)), results.published.value(group, each, mesh))
+                for mesh in results.meshes
+            ),
+            _beside(results, who, group, each),
+        )
+        for each in results.groups[group]
+    ]
+    table = Table(f"{group.capitalize()}: {who.name}", ("Corr", *results.meshes, "mean"), tuple(rows), folded=folded)
+    return fitting(table)
+
+
+def failure_section(results: Results) -> Iterator[Section]:
     """What did not work at all, and why."""
     counts = Counter(
-        (row["label"], row["mesh"], "marking" if _unmarked(row) else row["attack"], row["failure"][:_WORDS])
+        (row.label, row.mesh, "marking" if row.failure.startswith("marking: ") else row.attack, row.failure[:_WORDS])
         for row in results.rows
-        if row["failure"]
+        if row.failure
     )
-    rows = [(*(Cell(str(part)) for part in key), Cell(str(count))) for key, count in sorted(counts.items())]
+    rows = [(*map(Cell, key), Cell(str(count))) for key, count in sorted(counts.items())]
     head = ("method", "mesh", "at", "reason", "rows")
-    return Section(
-        "Failures", "Readings that did not take place.", (Table("", head, tuple(rows), prose=True),) if rows else ()
-    )
+    if rows:
+        intro = "Readings that did not take place; no mean and no share counts them."
+        yield Section("Failures", intro, (Table("", head, tuple(rows), prose=True),))
 
 
-def _unmarked(row: Row) -> bool:
-    return str(row["failure"]).startswith("marking: ")
-
-
-def _share(rows: list[Row], field: str) -> Cell:
-    answers = [bool(row[field]) for row in rows if row[field] is not None]
+def share(rows: list[Row], field: str) -> Cell:
+    """How many of the readings that can answer say yes, with the interval of that share."""
+    answers = [bool(answer) for row in rows if (answer := getattr(row, field)) is not None]
     if not answers:
         return Cell("–")
-    low, high = Rate(sum(answers), len(answers)).interval
+    low, high = share_interval(sum(answers), len(answers))
     return Cell(f"{sum(answers)} of {len(answers)}", f"{100 * low:.0f}–{100 * high:.0f} %")
 
 
-def _reading(results: Results, who: Contestant, group: str, condition: str) -> Cell:
-    rows = results.of(who, group, condition)
-    read = [bool(row["message_ok"]) for row in rows if row["message_ok"] is not None]
-    tone: Tone = "" if not read else "better" if all(read) else "below" if any(read) else "far"
-    return Cell(number(corr(rows)), _share(rows, "message_ok").text, tone)
+def _reading(rows: list[Row]) -> Cell:
+    return Cell(corr_number(corr(rows)), f"BER {ber_number(ber(rows))}, messages {share(rows, 'message_ok').text}")
+
+
+def _beside(results: Results, who: Contestant, group: str, condition: str) -> Cell:
+    """Mean Corr over the meshes that have a published figure, and that; over all meshes where none has."""
+    if (group, condition) not in results.compared:
+        return corr_cell(corr(results.of(who, group, condition)))
+    rows, theirs = results.beside(who, group, condition)
+    return corr_cell(corr(rows), theirs)
+
+
+def _without_remark(cell: Cell) -> Cell:
+    return Cell(cell.text, tone=cell.tone)

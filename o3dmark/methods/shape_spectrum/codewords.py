@@ -42,14 +42,20 @@ class Plan(NamedTuple):
     margin: float
 
 
-def plans(comb: Comb, steps: Floats, slack: float, limit: float) -> list[Plan]:
-    """Ways to write the bits at a size of ``limit`` at most, widest margin first; ``slack`` in steps."""
-    found: list[Plan] = []
+def plans(comb: Comb, steps: Floats, slack: float, limit: float) -> Iterator[Plan]:
+    """Ways to write the bits at a size of ``limit`` at most, widest margin first; ``slack`` in steps.
+
+    ``steps`` (s,) descend. A step is searched only when no plan of a larger one has a wider margin than it could have.
+    """
+    waiting: list[Plan] = []
     for step in map(float, steps):
+        while waiting and waiting[0].margin >= 0.25 * step:
+            yield waiting.pop(0)
         codeword = ScalarCosta(step).codeword(comb.values, comb.bits, step * comb.dither)
         nearest = _nearest(codeword - comb.values, step, comb.metric)
-        found += (plan for plan in _with_slack(nearest, step, comb.metric, slack, limit) if plan.size <= limit)
-    return sorted(found, key=lambda plan: -plan.margin)
+        waiting += (plan for plan in _with_slack(nearest, step, comb.metric, slack, limit) if plan.size <= limit)
+        waiting.sort(key=lambda plan: -plan.margin)
+    yield from waiting
 
 
 def _with_slack(nearest: Floats, step: float, Q: Floats, slack: float, limit: float) -> Iterator[Plan]:
