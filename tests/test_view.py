@@ -411,6 +411,7 @@ def test_a_png_needs_its_ending_a_folder_and_colours(tmp_path: Path, capfd):
         save_png(tmp_path / "nowhere" / "picture.png", np.zeros((2, 2, 3), np.uint8))
     with pytest.raises(ValueError, match="uint8"):
         save_png(tmp_path / "picture.png", np.zeros((2, 2, 3)))
+    assert capfd.readouterr().out == ""
 
 
 def test_a_jpeg_is_the_picture_but_for_what_eyes_do_not_see(tmp_path: Path, spot: TriangleMesh) -> None:
@@ -420,7 +421,6 @@ def test_a_jpeg_is_the_picture_but_for_what_eyes_do_not_see(tmp_path: Path, spot
     assert back.shape == image.shape
     assert np.abs(back.astype(float) - image).mean() < 4
     assert len(jpeg(image, 30)) < len(jpeg(image))
-    assert capfd.readouterr().out == ""
 
 
 @pytest.mark.parametrize("display", [None, "", ":4095"])
