@@ -11,22 +11,27 @@ import inspect
 import os
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
 from pathlib import Path
 from statistics import median
 
+import counts
 import typer.main
 
 from o3dmark import ATTACKS, CODES, METHODS, METRICS, SHAPES
+from o3dmark.campaign import load
+from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
-from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row, describe_fields
+from o3dmark.campaign.row import LINES, TABLE, UNMARKED, WRONG_KEY, Row, describe_fields
+from o3dmark.campaign.spec_file import SPECS
 from o3dmark.cli import app
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
 from o3dmark.report.cost import cost, measure
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.markdown import inline, table_lines
 from o3dmark.report.summary import corr, mean
 from o3dmark.report.tables import published_conditions
@@ -35,13 +40,19 @@ ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 BLOCK = re.compile(r"(<!-- table: ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 SPECTRUM = ("shape_spectrum", "shape_spectrum_small")
-Column = tuple[Results, Contestant, str]  # a mesh under one method and number of bits
+CONTROL_FOLDERS = ("false_positives", "false_positives_single")
+PROFILES = {  # tables of the same kind
+    "64 bits in small meshes": ("shape_spectrum_64",),
+    "slender results": ("slender", "slender_small"),
+    "invisible results": ("invisible", "invisible_small"),
+}
+Column = tuple[Results, Entry, str]  # a mesh under one method and number of bits
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 when a table is stale")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     stale, missing = 0, dict[str, None]()
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         text = path.read_text(encoding="utf-8")
@@ -107,7 +118,7 @@ def commands_table() -> str:
             if p.param_type_name == "option" and p.name not in ("json", "help")
         ]
         usage = " ".join([name, *map(str, arguments)])
-        rows.append(f"| `{usage}` | {cell(flowing(command.help or ''))} | {cell('<br>'.join(options)) or '-'} |")
+        rows.append(f"| `{cell(usage)}` | {cell(flowing(command.help or ''))} | {cell('<br>'.join(options)) or '-'} |")
     return "\n".join(rows) + "\n"
 
 
@@ -115,6 +126,19 @@ def row_table() -> str:
     """A line for each column of a campaign's rows."""
     rows = [f"| `{name}` | {cell(doc)} |" for name, doc in describe_fields().items()]
     return "\n".join(["| column | what it says |", "|---|---|", *rows]) + "\n"
+
+
+def campaigns_table() -> str:
+    """A row for each campaign of the package: the comment on top of its file, and whether it needs real meshes."""
+    rows = ["| campaign | what it measures | meshes |", "|---|---|---|"]
+    for path in sorted(SPECS.glob("*.toml")):
+        text = path.read_text(encoding="utf-8")
+        comment = " ".join(line.lstrip("# ") for line in text.partition("\n#\n")[0].splitlines())
+        plan = tomllib.loads(text)
+        own, real = plan.get("meshes", {}), plan.get("real", {})
+        needed = "files" in plan or not real.keys() <= own.keys()
+        rows.append(f"| `{path.stem}` | {cell(comment)} | {'real' if needed else 'either' if real else 'synthetic'} |")
+    return "\n".join(rows) + "\n"
 
 
 def flowing(doc: str) -> str:
@@ -142,13 +166,13 @@ def results(folder: str) -> Results:
 
 def made_by(folder: str, path: Path) -> str:
     """The line that says who computed a campaign's rows, and where they are."""
-    runs = results(folder).runs
+    runs = load(RESULTS / folder).runs
     commands = ", ".join(f"`{text}`" for text in distinct(run.command for run in runs))
     dates = sorted(run.started[:10] for run in runs)
     versions = "; ".join(distinct(f"o3dmark {run.version}, commit {run.commit or 'not known'}" for run in runs))
     machines = "; ".join(distinct(f"{run.machine}, Python {run.python}" for run in runs))
     link = os.path.relpath(RESULTS / folder, path.parent)
-    there = next(name for name in ("rows.csv", "rows.jsonl") if (RESULTS / folder / name).exists())
+    there = next(name for name in (TABLE, SUMMARY, LINES) if (RESULTS / folder / name).exists())
     when = " to ".join(distinct([dates[0], dates[-1]]))
     return f"Measured by {commands} on {when} ({versions}; {machines}): [rows]({link}/{there}).\n"
 
@@ -159,9 +183,9 @@ def grid(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> s
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def own(result: Results) -> list[Contestant]:
+def own(result: Results) -> list[Entry]:
     """The campaign's own method, with each number of bits, the fewest first."""
-    return sorted((who for who in result.contestants if who.label == result.campaign.main), key=lambda who: who.n_bits)
+    return sorted((who for who in result.entries if who.label == result.campaign.main), key=lambda who: who.n_bits)
 
 
 def lines_of(folders: Sequence[str]) -> list[tuple[str, str]]:
@@ -189,22 +213,22 @@ def saliency_scs_table() -> str:
     return grid([*head, f"least of all, {few.n_bits} bits"], rows)
 
 
-def spectrum_columns() -> list[Column]:
+def spectrum_columns(folders: Sequence[str] = SPECTRUM) -> list[Column]:
     return [
         (result, who, mesh)
-        for result in map(results, SPECTRUM)
+        for result in map(results, folders)
         for who in own(result)
         for mesh in result.meshes
         if result.of(who, UNTOUCHED, mesh=mesh)
     ]
 
 
-def spectrum_table() -> str:
+def spectrum_table(folders: Sequence[str] = SPECTRUM) -> str:
     """Mean Corr on each mesh over its keys; the mean of the figures published for these meshes, where there are any."""
-    columns = spectrum_columns()
-    lines = lines_of(SPECTRUM)
+    columns = spectrum_columns(folders)
+    lines = lines_of(folders)
     known = {each: published(columns, *each) for each in lines}
-    metrics = distinct(metric for result in map(results, SPECTRUM) for metric in result.metrics)
+    metrics = distinct(metric for result in map(results, folders) for metric in result.metrics)
     rows = [
         ["keys", *(str(len({row.seed for row in r.of(who, UNTOUCHED, mesh=mesh)})) for r, who, mesh in columns)],
         ["bits", *(str(who.n_bits) for _, who, _ in columns)],
@@ -277,6 +301,20 @@ def campaign_table() -> str:
     return "\n".join(table_lines(published_conditions(results("paper")))) + "\n"
 
 
+def summary_table() -> str:
+    """The last, strongest condition of each published table: two methods, and what was published."""
+    result = results("paper")
+    table = published_conditions(result)
+    last = {group: number for number, (group, _) in enumerate(result.compared, start=1)}
+    shown = [n for n, who in enumerate(result.entries, start=2) if who.label in ("saliency-scs", result.campaign.main)]
+    cells = [[table.rows[n][column].text for column in (0, 1, *shown)] for n in (0, *last.values())]
+    return grid([table.head[column] for column in (0, 1, *shown)], cells)
+
+
+def attack_sweep_table() -> str:
+    return grid(*counts.attack_sweep(RESULTS / "attack_sweep"))
+
+
 def least(rows: Iterable[Row]) -> float | None:
     return min((row.corr for row in rows if row.corr is not None), default=None)
 
@@ -290,6 +328,7 @@ OF_CODE: dict[str, Callable[[], str]] = {
     **{name: partial(registry_table, registry) for name, registry in REGISTRIES.items()},
     "commands": commands_table,
     "rows": row_table,
+    "campaigns": campaigns_table,
 }
 OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the folders that they are made of
     "saliency-scs results": (saliency_scs_table, ("saliency_scs",)),
@@ -297,6 +336,12 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "known message results": (known_message_table, SPECTRUM),
     "informed results": (informed_table, ("informed_crop",)),
     "campaign results": (campaign_table, ("paper",)),
+    "summary results": (summary_table, ("paper",)),
+    "messages": (lambda: grid(*counts.messages(results("paper"))), ("paper",)),
+    "wrong keys": (lambda: grid(*counts.wrong_keys([*map(results, CONTROL_FOLDERS)]), left=4), CONTROL_FOLDERS),
+    "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
+    "attack sweep": (attack_sweep_table, ("attack_sweep",)),
+    **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},
 }
 
 

@@ -282,7 +282,7 @@ def test_holes_open_the_mesh_where_they_say(spot: TriangleMesh) -> None:
     after = ATTACKS.make("holes:share=0.1,count=4")(spot, 1)
     gone = 2930 - len(after.vertices)
     assert 0.03 * 2930 < gone <= 0.1 * 2930 + 10
-    border = geometry.border_vertices(mesh_arrays(after)[1], len(after.vertices))
+    border = geometry.boundary_vertices(mesh_arrays(after)[1], len(after.vertices))
     assert border.any()
     assert not is_closed(after)
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
 
 from o3dmark.attacks import ATTACKS
-from o3dmark.attacks.geometry import random_direction, rotation_matrix
+from o3dmark.attacks.geometry import random_direction, random_rotation
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 
@@ -74,14 +75,15 @@ def test_each_part_of_a_similarity_can_be_switched_off(spot: TriangleMesh) -> No
     assert scaled == pytest.approx(3.0 * v - 2.0 * v.mean(axis=0))
 
 
-def test_rotations_turn_by_their_angle_about_their_axis() -> None:
+def test_random_rotations_turn_about_any_axis_by_any_angle_up_to_the_largest() -> None:
     rng = np.random.default_rng(0)
-    axis = random_direction(rng)
-    turn = rotation_matrix(axis, 0.7)
-    assert turn @ axis == pytest.approx(axis)
-    assert turn @ turn.T == pytest.approx(np.eye(3))
-    assert np.linalg.det(turn) == pytest.approx(1.0)
-    assert rotation_matrix(np.array([0.0, 0.0, 1.0]), np.pi / 2) @ [1, 0, 0] == pytest.approx([0, 1, 0])
+    turns = [Rotation.from_matrix(random_rotation(rng, 2.0)) for _ in range(2000)]
+    angles = np.array([turn.magnitude() for turn in turns])
+    axes = np.array([turn.as_rotvec() for turn in turns]) / angles[:, None]
+    assert angles.max() <= 2.0
+    assert angles.mean() == pytest.approx(1.0, abs=0.04)
+    assert axes.T @ axes / 2000 == pytest.approx(np.eye(3) / 3.0, abs=0.04)
+    assert np.array_equal(random_rotation(rng, 0.0), np.eye(3))
 
 
 def test_random_directions_are_uniform() -> None:

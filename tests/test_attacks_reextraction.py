@@ -32,7 +32,7 @@ def box(size: float) -> TriangleMesh:
 
 
 def closed(mesh: TriangleMesh) -> bool:
-    return not geometry.border_vertices(mesh_arrays(mesh)[1], len(mesh.vertices)).any()
+    return not geometry.boundary_vertices(mesh_arrays(mesh)[1], len(mesh.vertices)).any()
 
 
 def arrays(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def test_a_mesh_that_is_inside_out_is_seen_from_outside() -> None:
 
 
 def test_a_surface_that_nobody_sees_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampling, "_unhidden", lambda scene, surface, origins, sight: np.zeros(len(sight), bool))  # noqa: ARG005
+    monkeypatch.setattr(sampling, "_unhidden", lambda scene, origins, sight: np.zeros(len(sight), bool))  # noqa: ARG005
     with pytest.raises(MeshError, match="sees anything"):
         scanned_points(box(1.0), np.random.default_rng(0), 200)
 
@@ -171,7 +171,7 @@ def test_where_the_slabs_meet_makes_no_difference(spot: TriangleMesh, monkeypatc
     monkeypatch.setattr(_marching, "_SLAB", 5)
     sliced = resampled(surface, 40)
     assert len(sliced.triangles) == len(whole.triangles)
-    assert not geometry.border_vertices(sliced.triangles, len(sliced.vertices)).any()
+    assert not geometry.boundary_vertices(sliced.triangles, len(sliced.vertices)).any()
     assert KDTree(whole.vertices).query(sliced.vertices)[0].max() < 1e-6
 
 

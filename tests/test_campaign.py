@@ -195,7 +195,16 @@ def test_every_run_that_computed_rows_is_told_of(tmp_path: Path, whole: Path) ->
     runs = load(tmp_path / "out").runs
     assert [each.command for each in runs] == ["first", "second"]
     (only,) = load(whole).runs
-    assert dataclasses.asdict(only).keys() == {"command", "started", "version", "commit", "machine", "python"}
+    assert dataclasses.asdict(only).keys() == {
+        "command",
+        "started",
+        "version",
+        "commit",
+        "machine",
+        "python",
+        "seconds",
+    }
+    assert all(each.seconds is not None and 0 < each.seconds < 600 for each in (*runs, only))
     assert only.commit == commit()
 
 

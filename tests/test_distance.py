@@ -12,7 +12,7 @@ from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.metrics import METRICS
-from o3dmark.metrics.distance import MRMS, Hausdorff, sample_points, surface_distance
+from o3dmark.metrics.distance import MRMS, Hausdorff, surface_distance
 
 FEW = 20_000
 
@@ -120,19 +120,6 @@ def test_hausdorff_is_at_least_a_lone_spike(spot):
     vertices[17] += [0, 0, 3.0]
     spiky = triangle_mesh(vertices, triangles)
     assert Hausdorff(samples=1)(spot, spiky) * Surface.of(spot).diagonal > 2
-
-
-def test_samples_are_uniform_by_area():
-    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 5], [3, 0, 5], [0, 1, 5]])
-    surface = Surface.from_arrays(vertices, np.array([[0, 1, 2], [3, 4, 5]]))
-    points = sample_points(surface, 40_000, np.random.default_rng(0))
-    assert abs(np.sum(points[:, 2] == 0) - 10_000) <= 1
-    x, y, _ = points[points[:, 2] == 0].T
-    assert (x >= 0).all()
-    assert (x + y <= 1 + 1e-12).all()
-    for part, share in (((x < 0.25) & (y < 0.25), 1 / 8), (x > 0.5, 1 / 4), (y > 0.5, 1 / 4), (x + y < 0.5, 1 / 4)):
-        assert part.mean() == pytest.approx(share, abs=0.02)
-    assert points.mean(axis=0) == pytest.approx(surface.centroid, abs=0.02)
 
 
 @pytest.mark.parametrize("spec", ["mrms:samples=0", "hausdorff:samples=-5"])

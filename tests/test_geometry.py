@@ -129,19 +129,50 @@ def test_euler_formula_of_the_torus_and_the_disc():
     assert len(vertices) - len(geometry.edges(triangles)) + len(triangles) == 1
 
 
+def test_numbered_edges_lead_from_each_corner_to_the_next():
+    triangles = icosphere(2)[1]
+    edges, side = geometry.numbered_edges(triangles)
+    np.testing.assert_array_equal(edges, geometry.edges(triangles))
+    for corner in range(3):
+        ends = np.sort(triangles[:, [corner, (corner + 1) % 3]], axis=1)
+        np.testing.assert_array_equal(edges[side[:, corner]], ends)
+
+
+def test_numbered_pairs_against_a_dictionary():
+    pairs = np.random.default_rng(0).integers(0, 2**31 - 1, (200, 2))[np.random.default_rng(1).integers(0, 200, 500)]
+    pairs[::2] = pairs[::2, ::-1]
+    distinct, number = geometry.numbered_pairs(pairs)
+    assert [tuple(pair) for pair in distinct.tolist()] == sorted({tuple(sorted(pair)) for pair in pairs.tolist()})
+    np.testing.assert_array_equal(distinct[number], np.sort(pairs, axis=1))
+
+
+def test_angles_add_up_to_half_a_turn_and_cotangents_go_with_them():
+    vertices, triangles = icosphere(1)
+    vertices = vertices * [1.0, 0.2, 3.0]
+    angles, cotangents = geometry.angles(vertices, triangles), geometry.cotangents(vertices, triangles)
+    np.testing.assert_allclose(angles.sum(axis=1), np.pi)
+    np.testing.assert_allclose(cotangents, 1.0 / np.tan(angles), rtol=1e-9, atol=1e-12)
+
+
+def test_corners_of_triangles_without_area():
+    vertices, triangles = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), np.array([[0, 1, 2]])
+    np.testing.assert_allclose(geometry.angles(vertices, triangles), [[0, np.pi, 0]])
+    assert not np.isfinite(geometry.cotangents(vertices, triangles)).any()
+
+
 @pytest.mark.parametrize("shape", CLOSED.values(), ids=CLOSED)
-def test_a_closed_surface_has_no_border(shape):
-    assert not geometry.border_vertices(shape[1], len(shape[0])).any()
+def test_a_closed_surface_has_no_boundary(shape):
+    assert not geometry.boundary_vertices(shape[1], len(shape[0])).any()
 
 
-def test_border_of_an_opened_surface_is_the_rim_of_the_hole():
+def test_the_boundary_of_an_opened_surface_is_the_rim_of_the_hole():
     vertices, triangles = icosphere(2)
     apex = triangles[0, 0]
     around = (triangles == apex).any(axis=1)
     rim = np.setdiff1d(triangles[around], apex)
-    mask = geometry.border_vertices(triangles[~around], len(vertices))
+    mask = geometry.boundary_vertices(triangles[~around], len(vertices))
     assert np.flatnonzero(mask).tolist() == rim.tolist()
-    assert geometry.border_vertices(open_strip(4)[1], 8).all()
+    assert geometry.boundary_vertices(open_strip(4)[1], 8).all()
 
 
 @pytest.mark.parametrize("shape", [*CLOSED.values(), open_strip(5)])
@@ -205,7 +236,7 @@ def test_what_is_given_stays_as_it_is():
         array.setflags(write=False)
     geometry.vertex_areas(vertices, triangles)
     geometry.neighbour_mean(triangles, len(vertices))
-    geometry.border_vertices(triangles, len(vertices))
+    geometry.boundary_vertices(triangles, len(vertices))
     geometry.weld(vertices)
 
 

@@ -1,6 +1,7 @@
 """Who may import whom: downwards only; and one door for each heavy library."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import o3dmark
+from fixtures.paths import ROOT
 
 PACKAGE = Path(o3dmark.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -93,6 +95,14 @@ def test_heavy_libraries_have_one_door(file: Path) -> None:
     for name in imports(file):
         doors = DOORS.get(name.split(".")[0], {module})
         assert module in doors or module.split(".")[0] in doors, f"{module} must not import {name}"
+
+
+def test_the_architecture_page_has_the_same_layers() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    shown: dict[int, set[str]] = {}
+    for number, names in re.findall(r"^\| (\d+) \| ((?:`\w+`(?:, )?)+) \|", page, re.MULTILINE):
+        shown.setdefault(int(number), set()).update(re.findall(r"`(\w+)`", names))
+    assert shown == dict(enumerate((set(line.split()) for line in LAYERS.strip().splitlines()), start=1))
 
 
 def test_the_walk_sees_lazy_imports(tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def test_derived_quantities_are_those_of_geometry(spot):
 def test_a_soup_is_welded_into_the_mesh_it_came_from(spot):
     whole, pieces = Surface.of(spot), Surface.of(soup(spot))
     assert len(pieces.vertices) == len(whole.vertices)
-    assert not geometry.border_vertices(pieces.triangles, len(pieces.vertices)).any()
+    assert not geometry.boundary_vertices(pieces.triangles, len(pieces.vertices)).any()
     np.testing.assert_array_equal(pieces.vertices[pieces.triangles], whole.vertices[whole.triangles])
 
 

@@ -1,5 +1,6 @@
-"""README is true: its Python runs, its commands exist, its tables say what the code says."""
+"""README and docs are true: their code runs, their commands exist, their tables say what the code says."""
 
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -8,15 +9,54 @@ from typing import Any
 import pytest
 
 from fixtures.paths import ROOT
+from o3dmark.campaign import spec_file
+from o3dmark.cli import app, main
 
-README = (ROOT / "README.md").read_text()
-PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-LINES = re.findall(r"^    (o3dmark .*)$", README, re.MULTILINE)
-COMMANDS = [line for line in LINES if line.split()[1] not in ("bench", "report")]  # these take minutes; test_campaign
+README = ROOT / "README.md"
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = [README, *DOCS]
+FENCED = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```", re.DOTALL | re.MULTILINE)  # language, file name, text
+OWN = "mine"  # the campaign that docs/campaigns.md shows in full
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def code(page: Path, language: str) -> list[str]:
+    """The blocks of code that are no file."""
+    return [text for kind, name, text in FENCED.findall(text_of(page)) if kind == language and not name]
+
+
+def commands(page: Path) -> list[str]:
+    """The lines that call o3dmark, but for the campaigns of the package, which take minutes (see test_campaign)."""
+    lines = re.findall(r"^    (o3dmark .*)$", text_of(page), re.MULTILINE)
+    return [line for line in lines if line.split()[1] not in ("bench", "report") or line.split()[2].startswith(OWN)]
+
+
+def run(line: str) -> None:
+    with pytest.raises(SystemExit) as leave:
+        main(shlex.split(line)[1:])
+    assert leave.value.code == 0, line
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which README's commands were run in their order."""
+    there = tmp_path_factory.mktemp("readme")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(there)
+        for line in commands(README):
+            run(line)
+    return there
+
+
+def test_readme_is_short() -> None:
+    assert len(text_of(README).splitlines()) <= 200
 
 
 def test_the_tour_runs_and_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(PYTHON[0], "README.md", "exec"), {})
+    exec(compile(code(README, "python")[0], "README.md", "exec"), {})
     message, present, mrms = capsys.readouterr().out.splitlines()
     assert message.startswith("mine ")
     assert float(message.split()[1]) < 1e-4
@@ -29,61 +69,167 @@ def test_the_example_of_a_method_is_one() -> None:
 
     try:
         names: dict[str, Any] = {}
-        exec(compile(PYTHON[1], "README.md", "exec"), names)
+        exec(compile(code(README, "python")[1], "README.md", "exec"), names)
         assert issubclass(METHODS["my-method"], Method)
         assert METHODS.make("my-method:strength=0.002").strength == 0.002  # type: ignore[attr-defined]
     finally:
         METHODS._classes.pop("my-method", None)
 
 
-def test_the_commands_work_in_their_order(tmp_path: Path, monkeypatch: Any, capsys: Any) -> None:
-    from o3dmark.cli import main
+def test_readme_s_commands_work_in_their_order(folder: Path) -> None:
+    assert len(commands(README)) == 8
+    assert {"owner.key", "marked.ply", "attacked.ply", "look.png"} <= {path.name for path in folder.iterdir()}
 
-    monkeypatch.chdir(tmp_path)
-    lines = ["o3dmark synth bimba bust.ply", *COMMANDS]
-    assert len(lines) > 7
+
+def test_the_commands_of_the_methods_page_work_after_readme_s(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    lines = commands(ROOT / "docs" / "methods.md")
+    assert len(lines) == 2
     for line in lines:
-        with pytest.raises(SystemExit) as leave:
-            main(shlex.split(line)[1:])
-        assert leave.value.code == 0, line
+        run(line)
     assert "mine" in capsys.readouterr().out
+
+
+def test_the_campaign_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from o3dmark.attacks import ATTACKS
+    from o3dmark.campaign import load, read_rows
+
+    page = ROOT / "docs" / "campaigns.md"
+    monkeypatch.chdir(tmp_path)
+    for _, name, text in FENCED.findall(text_of(page)):
+        if name:
+            (tmp_path / name).write_text(text, encoding="utf-8")
+    lines = commands(page)
+    assert [line.split()[1] for line in lines] == ["bench", "report"]
+    try:
+        for line in lines:
+            run(line)
+    finally:
+        ATTACKS._classes.pop("shear", None)
+    rows = list(read_rows(OWN))
+    assert len(rows) == sum(len(job.readings) for job in load(OWN).campaign.jobs())
+    assert [row.failure for row in rows if row.failure] == []
+    assert "Somebody 2020" in (tmp_path / OWN / "report.md").read_text(encoding="utf-8")
+
+
+def test_other_pages_show_no_command_that_is_not_run() -> None:
+    shown = {page.name for page in PAGES if commands(page)}
+    assert shown == {"README.md", "methods.md", "campaigns.md"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_campaigns_and_campaign_files_are_there(page: Path) -> None:
+    for line in re.findall(r"^    o3dmark bench (\S+)", text_of(page), re.MULTILINE):
+        assert line == f"{OWN}.toml" or spec_file.find_spec(line).exists()
 
 
 def test_every_command_and_option_is_named() -> None:
     import typer.main
 
-    from o3dmark.cli import app
-
+    reference = text_of(ROOT / "docs" / "reference.md").splitlines()
     for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
-        row = next((line for line in README.splitlines() if line.startswith(f"| `{name} ")), "")
-        assert row, f"README has no row for {name}"
+        row = next((line for line in reference if line.startswith(f"| `{name} ")), "")
+        assert row, f"docs/reference.md has no row for {name}"
         for parameter in command.params:
             if parameter.param_type_name == "option" and parameter.name not in ("help", "json"):
                 assert max(parameter.opts, key=len) in row, f"{name} {parameter.name}"
 
 
+def test_every_key_of_a_campaign_s_file_is_explained() -> None:
+    page = text_of(ROOT / "docs" / "campaigns.md").partition("## The TOML file")[2].partition("###")[0]
+    named = set(re.findall(r"^\| `\[?(\w+)(?:\.TABLE)?\]?` \|", page, re.MULTILINE))
+    assert named == set(spec_file._KEYS)
+
+
+def test_what_the_changelog_says_has_moved_is_there_and_no_longer_where_it_was() -> None:
+    def there(name: str) -> bool:
+        module, _, attribute = name.rpartition(".")
+        try:
+            return hasattr(importlib.import_module(module), attribute)
+        except ModuleNotFoundError:
+            return False
+
+    moved = re.findall(
+        r"^\| `(o3dmark\S+)`.* \| `(o3dmark\S+)` \|$", text_of(ROOT / "docs" / "changelog.md"), re.MULTILINE
+    )
+    assert len(moved) > 20
+    assert [new for _, new in moved if not there(new)] == []
+    assert [old for old, _ in moved if there(old)] == []
+
+
 def tables() -> list[tuple[Path, str]]:
     """The tables that a script writes: file, name."""
-    files = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    return [(path, name) for path in files for name in re.findall(r"<!-- table: ([\w -]+) -->", path.read_text())]
+    return [(page, name) for page in PAGES for name in re.findall(r"<!-- table: ([\w -]+) -->", text_of(page))]
 
 
 @pytest.mark.parametrize(("path", "name"), tables(), ids=lambda value: getattr(value, "stem", value))
 def test_the_tables_are_fresh(path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    import tables
-
-    for folder in tables.OF_RESULTS.get(name, (None, ()))[1]:
-        if not (
-            tables.RESULTS / folder / "campaign.json"
-        ).exists():  # once it is, the table's link to its rows must lead there
+    module = importlib.import_module("tables")
+    for folder in module.OF_RESULTS.get(name, (None, ()))[1]:
+        if not (module.RESULTS / folder / "campaign.json").exists():  # once it is, the table has to be made of its rows
             pytest.skip(f"results/{folder} is not kept yet")
-    fresh = f"<!-- table: {name} -->\n{tables.table_of(name, path)}<!-- end -->"
-    assert fresh in path.read_text(), "run scripts/tables.py"
+    fresh = f"<!-- table: {name} -->\n{module.table_of(name, path)}<!-- end -->"
+    assert fresh in text_of(path), "run scripts/tables.py"
 
 
-def test_its_links_lead_somewhere() -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (ROOT / target).exists(), target
-    for name in ("demo", "test", "setup"):
+def test_every_table_that_is_made_is_shown_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    module = importlib.import_module("tables")
+    assert sorted(name for _, name in tables()) == sorted([*module.OF_CODE, *module.OF_RESULTS])
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    prose = FENCED.sub("", text_of(page))
+    headings = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def broken(page: Path) -> list[str]:
+    """The links of a page, to files and headings of the repository, that lead nowhere."""
+    found = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", text_of(page))):
+        name, _, anchor = target.partition("#")
+        path = page.parent / name if name else page
+        if re.match(r"[a-z]+:", target):
+            continue
+        if not path.exists() or (anchor and anchor not in anchors(path)):
+            found.append(target)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_no_link_is_broken(page: Path) -> None:
+    assert broken(page) == []
+
+
+def test_a_broken_link_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "there.md").write_text("# One heading, two words\n")
+    page = tmp_path / "page.md"
+    page.write_text(
+        "[a](there.md) [b](there.md#one-heading-two-words) [c](not.md) [d](there.md#none) [e](https://x.y)\n"
+    )
+    assert broken(page) == ["not.md", "there.md#none"]
+
+
+def test_every_page_is_reached_from_readme() -> None:
+    reached, left = {README}, [README]
+    while left:
+        page = left.pop()
+        for name in re.findall(r"\]\(([^)#\s]+\.md)", text_of(page)):
+            target = (page.parent / name).resolve()
+            if target in DOCS and target not in reached:
+                reached.add(target)
+                left.append(target)
+    assert set(DOCS) <= reached
+
+
+def test_scripts_that_are_named_are_there() -> None:
+    pages = [text_of(page) for page in PAGES if page.name != "changelog.md"]  # which names what is gone
+    for name in {name for text in pages for name in re.findall(r"\bscripts/\w[\w.]+", text)}:
+        assert (ROOT / name).exists(), name
+    for name in ("demo", "test", "setup", "remake"):
         assert (ROOT / "scripts" / name).stat().st_mode & 0o111

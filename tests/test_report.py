@@ -16,7 +16,8 @@ import pytest
 import o3dmark.report
 from fixtures.kept_folder import COMPARED, FIGURES, PLAIN, RUN, invented_rows, keep
 from fixtures.paths import ROOT
-from o3dmark.campaign import read_rows
+from o3dmark.campaign import read_rows, summarise
+from o3dmark.campaign.plan import Source
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError
 from o3dmark.report import write_report
@@ -194,11 +195,17 @@ def test_methods_are_described_as_the_campaign_kept_it(plain: Path) -> None:
     assert methods["second"]["its reader needs"] == "key alone (blind)"
 
 
-def test_several_numbers_of_bits_are_several_contestants(tmp_path: Path) -> None:
+def test_several_numbers_of_bits_are_several_entrys(tmp_path: Path) -> None:
     write_report(keep(tmp_path, replace(PLAIN, bits=(16, 64))))
     names = [row[""] for row in tables(tmp_path)["At a glance"]]
     assert names == ["first, 16 bits", "first, 64 bits", "second, 16 bits", "second, 64 bits"]
     assert tables(tmp_path)[PLAIN.title][0]["method"] == "second, 16 bits · shape-spectrum"
+
+
+def test_tables_of_other_methods_than_the_campaigns_own_are_folded(plain: Path) -> None:
+    page = (plain / "report.html").read_text()
+    assert "<h3>Noise: second</h3>" in page
+    assert "<summary>Noise: first</summary>" in page
 
 
 @pytest.mark.parametrize("kind", ["plain", "compared"])
@@ -282,6 +289,51 @@ def test_failures_are_shown_and_counted_nowhere_else(tmp_path: Path) -> None:
 def test_an_unfinished_campaign_says_so(tmp_path: Path) -> None:
     write_report(keep(tmp_path, PLAIN, [row for row in invented_rows(PLAIN) if row.mesh != "Bunny"]))
     assert "of 8 jobs (of 12: unfinished)" in (tmp_path / "report.md").read_text()
+
+
+def test_many_meshes_stand_in_lines(tmp_path: Path) -> None:
+    campaign = replace(PLAIN, meshes=tuple(Source(f"mesh {count}", "vase") for count in range(30)))
+    write_report(keep(tmp_path, campaign))
+    table = {row["Corr"]: row for row in tables(tmp_path)["Noise: first"]}
+    assert list(table) == [*(mesh.name for mesh in campaign.meshes), "mean"]
+    assert list(table["mean"]) == ["Corr", "0.05%", "0.1%", "0.50%"]
+    assert table["mesh 7"]["0.1%"] == f"{mean_of(tmp_path, label='first', mesh='mesh 7', condition='0.1%'):.2f}"
+    assert table["mean"]["0.1%"] == f"{mean_of(tmp_path, label='first', condition='0.1%'):.2f}"
+
+
+def test_a_campaign_of_controls_alone_has_a_report(tmp_path: Path) -> None:
+    write_report(keep(tmp_path, replace(PLAIN, cases=(), gallery=None)))
+    found = tables(tmp_path)
+    assert "mean Corr after attacks" not in found[PLAIN.title][0]
+    assert "Unmarked meshes" in found
+    assert (tmp_path / "report.html").read_text().count("<svg") == 1  # false positives
+
+
+def test_where_only_a_summary_is_kept_the_report_shows_it(tmp_path: Path) -> None:
+    keep(tmp_path, PLAIN)
+    summarise(tmp_path)
+    before = tables_after_report(tmp_path)
+    assert "What happened" not in before
+    rows = invented_rows(PLAIN, lambda row: replace(row, failure="attack: MeshError: bad <luck>" if row.seed else None))
+    summarise(keep(tmp_path, PLAIN, rows))
+    (tmp_path / "rows.jsonl").unlink()
+    found = tables_after_report(tmp_path)
+    line = next(row for row in found["Noise"] if (row["condition"], row["method"]) == ("0.1%", "second"))
+    assert (line["ok"], line["refused"], line["failed"]) == ("3", "3", "0")
+    assert line["reasons"].startswith("Bimba, seed 1: attack: MeshError: bad &lt;luck&gt;; Vase, seed 1: ")
+    assert [row["condition"] for row in found["Wrong key"]][:1] == ["1 wrong key"]
+
+
+def test_a_summary_that_is_none_is_refused(tmp_path: Path) -> None:
+    keep(tmp_path, PLAIN, [])
+    (tmp_path / "summary.csv").write_text("group,ok\nnoise,3\n")
+    with pytest.raises(SpecError, match="no summary"):
+        write_report(tmp_path)
+
+
+def tables_after_report(folder: Path) -> dict[str, list[dict[str, str]]]:
+    write_report(folder)
+    return tables(folder)
 
 
 def test_no_rows_no_report(tmp_path: Path) -> None:

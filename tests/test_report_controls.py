@@ -36,28 +36,37 @@ def tables_of(folder: Path) -> dict[str, Table]:
 
 def test_small_p_values_are_counted_beside_the_number_allowed(tmp_path: Path) -> None:
     campaign = replace(PLAIN, wrong_keys=50, unmarked=0)  # 300 readings of each method
-    (table,) = tables_of(keep(tmp_path, campaign, numbered(invented_rows(campaign)))).values()
-    row = dict(zip(table.head, table.rows[0], strict=True))
-    assert row[""].text == "first"
-    assert (row["readings"].text, row["mean Corr"].text, row["mean BER"].text) == ("300", "0.00", "0.500")
-    assert (row["messages read"].text, row["messages read"].remark) == ("0 of 300", "0–1 %")
-    for rate, charged in (("0.1", 3), ("0.01", 0), ("0.001", 0)):
-        allowed = f"{300 * float(rate):.2g} allowed"
-        cells = row[f"p ≤ {rate}, charged"], row[f"p ≤ {rate}, uncharged"]
-        assert [cell.remark for cell in cells] == [allowed, allowed]
-        assert [cell.text for cell in cells] == [str(charged), str(int(300 * float(rate)))]
+    read, small = tables_of(keep(tmp_path, campaign, numbered(invented_rows(campaign)))).values()
+    first = dict(zip(read.head, read.rows[0], strict=True))
+    assert [cell.text for cell in first.values()] == ["first", "300", "0.00", "0.500", "0 of 300"]
+    assert first["messages read"].remark == "0–1 %"
+    lines = {row[1].text: row for row in small.rows if row[0].text == "first"}
+    assert list(lines) == [
+        "known bits, hypotheses not charged",
+        "known bits, hypotheses charged",
+        "known bits choose among all readings, all charged",  # no message, so no p-value of one
+    ]
+    uncharged, charged, _ = lines.values()
+    assert [(cell.text, cell.remark) for cell in uncharged[2:]] == [
+        ("300", ""),
+        ("30", "30 allowed"),
+        ("3", "3 allowed"),
+        ("0", "0.3 allowed"),
+    ]
+    assert [cell.text for cell in charged[2:]] == ["300", "3", "0", "0"]
 
 
-def test_each_kind_of_control_has_its_own_table(tmp_path: Path) -> None:
+def test_each_kind_of_control_has_its_own_tables(tmp_path: Path) -> None:
     tables = tables_of(keep(tmp_path, PLAIN))
-    assert list(tables) == ["Marked meshes read with wrong keys", "Unmarked meshes"]
+    titles = ("Marked meshes read with wrong keys", "Unmarked meshes")
+    assert list(tables) == [title + end for title in titles for end in ("", ": small p-values")]
     assert [row[1].text for row in tables["Unmarked meshes"].rows] == ["6", "6"]  # 3 meshes, 2 seeds, 1 key
 
 
 def test_controls_of_attacked_meshes_count_too_and_nowhere_else(tmp_path: Path) -> None:
     campaign = replace(PLAIN, controls=("noise",))
     results = Results.load(keep(tmp_path, campaign))
-    first = results.contestants[0]
+    first = results.entries[0]
     assert len(results.controls(first, WRONG_KEY)) == 6 * (2 + 3)
     assert len(results.controls(first, UNMARKED)) == 6 * (1 + 3)
     assert len(results.of(first, "noise")) == 6 * 3

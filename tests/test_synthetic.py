@@ -243,7 +243,7 @@ def test_the_plane_is_open_and_faces_z() -> None:
     mesh = make("plane:vertices=400")
     vertices, triangles = mesh_arrays(mesh)
     assert geometry.area_vectors(vertices, triangles).sum(axis=0) == pytest.approx([0.0, 0.0, 4.0])
-    assert geometry.border_vertices(triangles, len(vertices)).sum() == 76
+    assert geometry.boundary_vertices(triangles, len(vertices)).sum() == 76
     assert len(vertices) == 400
 
 

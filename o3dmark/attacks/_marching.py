@@ -3,7 +3,7 @@
 MeshLab's "uniform mesh resampling" defines it: the field reaches 3.5 cells to both sides, and its sign says on which
 side of the normal at the closest point one is. MeshLab itself is not asked, because its search tree doubles with every
 level wherever the boxes of more than 64 triangles overlap: a slanted rod of 40 sides takes all memory. The distance
-comes from `closest`, the cubes from Open3D (Flying Edges); memory goes with the surface and a slab of the grid.
+comes from `proximity`, the cubes from Open3D (Flying Edges); memory goes with the surface and a slab of the grid.
 """
 
 from collections.abc import Iterator
@@ -29,8 +29,8 @@ _OCTANTS = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1)
 def resampled(surface: Surface, cells: int) -> Surface:
     """Marching cubes of the signed distance to ``surface`` on a grid of ``cells`` cells along its longest side.
 
-    The distance is negative behind the normals, so a surface that is inside out stays so. An open border grows a collar
-    up to 3.5 cells wide, where the sign changes beyond it.
+    The distance is negative behind the normals, so a surface that is inside out stays so. An open boundary grows a
+    collar up to 3.5 cells wide, where the sign changes beyond it.
     Errors: MeshError when no node sees an inside, as between the sides of a plate thinner than a cell.
     """
     extent = np.ptp(surface.vertices, axis=0)
@@ -87,15 +87,13 @@ def _pseudonormals(surface: Surface) -> tuple[Floats, Floats, Floats]:
     """Unit normals of the triangles (m, 3), sums at the side opposite each corner (m, 3, 3) and at vertices (n, 3)."""
     vertices, triangles = surface.vertices, surface.triangles
     faces = geometry.unit(geometry.area_vectors(vertices, triangles))
-    ends = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2), axis=1)
-    _, edge = np.unique(ends[:, 0] * len(vertices) + ends[:, 1], return_inverse=True)
-    sums = geometry.sum_at_vertices(faces, edge.reshape(-1, 3), int(edge.max()) + 1)
-    corners = vertices[triangles]
-    ahead, back = (geometry.unit((np.roll(corners, turn, axis=1) - corners).reshape(-1, 3)) for turn in (-1, 1))
-    angles = np.arccos(np.clip(np.einsum("ij,ij->i", ahead, back), -1.0, 1.0)).reshape(-1, 3)
+    edges, side = geometry.numbered_edges(triangles)
+    opposite = np.roll(side, -1, axis=1)
+    sums = geometry.sum_at_vertices(faces, opposite, len(edges))
+    angles = geometry.angles(vertices, triangles)
     weighted = [(angles * axis[:, None]).ravel() for axis in faces.T]
     tips: Floats = np.stack([np.bincount(triangles.ravel(), axis, len(vertices)) for axis in weighted], axis=1)
-    return faces, sums[edge].reshape(-1, 3, 3), tips
+    return faces, sums[opposite], tips
 
 
 def _marched(nodes: Ints, distance: Floats, shape: Ints) -> Iterator[tuple[Floats, Ints]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import BackendError
-from o3dmark.mesh import geometry
+from o3dmark.mesh.similarity import UnitSize
 
 
 def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]]) -> tuple[Floats, Ints]:
@@ -22,9 +22,9 @@ def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]
     """
     import pymeshlab
 
-    middle, size = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0, geometry.diagonal(vertices)
+    unit = UnitSize.about_box(vertices)
     meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh((vertices - middle) / size, np.asarray(triangles, np.int32)))
+    meshes.add_mesh(pymeshlab.Mesh(unit.apply(vertices), np.asarray(triangles, np.int32)))
     for name, parameters in filters:
         try:
             meshes.apply_filter(name, **parameters)
@@ -36,7 +36,7 @@ def apply(vertices: Floats, triangles: Ints, *filters: tuple[str, dict[str, Any]
         raise BackendError(f"MeshLab's {done} leaves no triangle of the {len(triangles)} given")
     if faces.min() < 0 or faces.max() >= len(new) or not np.isfinite(new).all():
         raise BackendError(f"MeshLab's {done} returns a damaged mesh")
-    return middle + size * new, faces
+    return unit.undo(new), faces
 
 
 def length(share: float) -> Any:

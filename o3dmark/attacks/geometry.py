@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
@@ -37,7 +38,7 @@ class Similarity(Attack):
         centre = vertices.mean(axis=0)
         mean_norm = np.linalg.norm(vertices - centre, axis=1).mean()
         shift = mean_norm * rng.uniform(-self.translation, self.translation, 3)
-        turn = rotation_matrix(random_direction(rng), np.radians(rng.uniform(0.0, self.rotation)))
+        turn = random_rotation(rng, np.radians(self.rotation))
         linear = rng.uniform(self.smallest, self.largest) * turn
         if np.array_equal(linear, np.eye(3)) and not shift.any():
             return copied(mesh)
@@ -131,11 +132,10 @@ def random_direction(rng: np.random.Generator) -> Floats:
     return np.asarray(direction / np.linalg.norm(direction))
 
 
-def rotation_matrix(axis: Floats, angle: float) -> Floats:
-    """Rodrigues' rotation (3, 3) by ``angle`` radians about the unit vector ``axis`` (3,)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
+def random_rotation(rng: np.random.Generator, largest: float) -> Floats:
+    """A rotation (3, 3) by U(0, largest) radians about an axis uniform on the sphere."""
+    axis = random_direction(rng)
+    return np.asarray(Rotation.from_rotvec(rng.uniform(0.0, largest) * axis).as_matrix())
 
 
 def _rewound(mesh: Any) -> Any:

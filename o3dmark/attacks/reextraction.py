@@ -16,6 +16,8 @@ from o3dmark.attacks._carry import kept, made
 from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import BackendError
+from o3dmark.mesh.reconstruction import poisson
+from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.registry import option
 
@@ -25,7 +27,7 @@ from o3dmark.registry import option
 class Resample(Attack):
     """Marching cubes of the signed distance to the surface on a uniform grid.
 
-    Only what is wider than a cell stays; an open border grows a collar up to 3.5 cells wide. The field is that of
+    Only what is wider than a cell stays; an open boundary grows a collar up to 3.5 cells wide. The field is that of
     MeshLab's "uniform mesh resampling", without its appetite: there a slanted rod of 40 sides takes all memory.
     Source: Lorensen and Cline 1987, Marching cubes.
     """
@@ -57,7 +59,10 @@ class Poisson(Attack):
         _check(self.points, self.depth, self.trim)
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
-        return _rebuilt(mesh, lambda unit: _poisson(sampled_points(unit, rng, self.points), self.depth, self.trim))
+        def build(unit: TriangleMesh) -> TriangleMesh:
+            return _trimmed_poisson(sampled_points(unit, rng, self.points), self.depth, self.trim)
+
+        return _rebuilt(mesh, build)
 
 
 @ATTACKS.register("rescan")
@@ -89,7 +94,7 @@ class Rescan(Attack):
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
         def build(unit: TriangleMesh) -> TriangleMesh:
             cloud = scanned_points(unit, rng, self.points, self.noise, self.views)
-            return _pivoted(cloud) if self.surface == "pivot" else _poisson(cloud, self.depth, self.trim)
+            return _pivoted(cloud) if self.surface == "pivot" else _trimmed_poisson(cloud, self.depth, self.trim)
 
         return _rebuilt(mesh, build)
 
@@ -105,21 +110,17 @@ def _rebuilt(mesh: Any, build: Callable[[TriangleMesh], TriangleMesh]) -> Triang
     Open3D's Poisson reconstruction computes in float32, and its ball pivoting knows no ball below a millionth.
     """
     surface = Surface.of(mesh)
-    middle, size = surface.vertices.mean(axis=0), surface.diagonal
-    vertices, triangles = mesh_arrays(build(triangle_mesh((surface.vertices - middle) / size, surface.triangles)))
-    return made(mesh, middle + size * vertices, triangles)
+    unit = UnitSize.about_mean(surface.vertices)
+    vertices, triangles = mesh_arrays(build(triangle_mesh(unit.apply(surface.vertices), surface.triangles)))
+    return made(mesh, unit.undo(vertices), triangles)
 
 
-def _poisson(cloud: PointCloud, depth: int, trim: float) -> TriangleMesh:
+def _trimmed_poisson(cloud: PointCloud, depth: int, trim: float) -> TriangleMesh:
     """The Poisson surface of oriented points, without what is further than ``trim`` diagonals from all of them.
 
     Not even the largest gap between evenly drawn points is trimmed: it is about three times their mean spacing.
     """
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        # one thread: with more, sums come in another order and the same seed gives another mesh
-        built, _ = TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
-    if not built.has_triangles():
-        raise BackendError(f"Open3D's Poisson reconstruction of {len(cloud.points)} points has no triangle")
+    built = poisson(cloud, depth)
     vertices, triangles = mesh_arrays(built)
     reach = trim * float(np.linalg.norm(cloud.get_max_bound() - cloud.get_min_bound())) if trim else np.inf
     spacing = float(np.mean(cloud.compute_nearest_neighbor_distance()))

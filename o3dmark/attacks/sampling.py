@@ -5,21 +5,23 @@ from typing import Any
 
 import numpy as np
 import open3d as o3d
-from numpy.typing import NDArray
 
-from o3dmark.arrays import Floats, Ints
-from o3dmark.attacks.geometry import random_direction, rotation_matrix
+from o3dmark.arrays import Bools, Floats
+from o3dmark.attacks.geometry import random_rotation
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
+from o3dmark.mesh.sampling import sampled
+from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
 from o3dmark.solid.solid import oriented
 
-_ROUNDS = 50  # of drawing candidates before the scan takes what it has
+_ROUNDS = 50  # of drawing candidates before the scan takes what it has; two to four on most shapes
+_LIFT = 1e-4  # over the diagonal: rays start off the surface, or float32 would let it hide its own points
 
 
 def sampled_points(mesh: Any, rng: np.random.Generator, points: int) -> PointCloud:
     """``points`` positions uniform on the surface, each with the unit normal of its triangle."""
-    return point_cloud(*_draw(Surface.of(mesh), points, rng))
+    return point_cloud(*_oriented_points(Surface.of(mesh), points, rng))
 
 
 def scanned_points(
@@ -35,14 +37,15 @@ def scanned_points(
     """
     received = Surface.of(mesh)
     surface = replace(received, triangles=oriented(received.vertices, received.triangles))
-    directions = _directions(views) @ rotation_matrix(random_direction(rng), rng.uniform(0.0, 2.0 * np.pi)).T
-    scene, seen = _scene(surface), []
+    directions = _directions(views) @ random_rotation(rng, 2.0 * np.pi).T
+    unit = UnitSize(surface.centroid, surface.diagonal)  # Open3D casts rays in float32
+    scene, seen = _scene(surface.moved(unit.apply(surface.vertices))), []
     for _ in range(_ROUNDS):
-        positions, normals = _draw(surface, 4 * points, rng)
+        positions, normals = _oriented_points(surface, 4 * points, rng)
         sight = directions[rng.integers(len(directions), size=len(positions))]
         facing = np.einsum("ij,ij->i", normals, sight) > rng.uniform(0.0, 1.0, len(positions))
         positions, normals, sight = positions[facing], normals[facing], sight[facing]
-        open_sky = _unhidden(scene, surface, positions + 1e-4 * surface.diagonal * normals, sight)
+        open_sky = _unhidden(scene, unit.apply(positions + _LIFT * surface.diagonal * normals), sight)
         depth = noise * surface.diagonal * rng.standard_normal((open_sky.sum(), 1))
         seen.append(np.hstack([positions[open_sky] + depth * sight[open_sky], normals[open_sky]]))
         if sum(map(len, seen)) >= points:
@@ -53,15 +56,10 @@ def scanned_points(
     return point_cloud(rows[:, :3], rows[:, 3:])
 
 
-def _draw(surface: Surface, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _oriented_points(surface: Surface, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Positions (count, 3) uniform by area and the unit normals of their triangles."""
-    vectors = geometry.area_vectors(surface.vertices, surface.triangles)
-    cumulative = np.cumsum(np.linalg.norm(vectors, axis=1))
-    chosen: Ints = np.searchsorted(cumulative, rng.uniform(0.0, cumulative[-1], count), side="right")
-    chosen = np.minimum(chosen, len(vectors) - 1)
-    a, b, c = np.moveaxis(surface.vertices[surface.triangles[chosen]], 1, 0)
-    root, along = np.sqrt(rng.uniform(size=(count, 1))), rng.uniform(size=(count, 1))
-    return (1.0 - root) * a + root * (1.0 - along) * b + root * along * c, geometry.unit(vectors[chosen])
+    points, triangle = sampled(surface, count, rng)
+    return points, geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles[triangle]))
 
 
 def _directions(count: int) -> Floats:
@@ -73,16 +71,15 @@ def _directions(count: int) -> Floats:
 
 
 def _scene(surface: Surface) -> Any:
-    """A ray-casting scene of the surface, centred and with diagonal 1: Open3D casts in float32."""
-    vertices = (surface.vertices - surface.centroid) / surface.diagonal
+    """A ray-casting scene of a surface of size one about the origin."""
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(surface.triangles.astype(np.uint32))
+        o3d.core.Tensor(surface.vertices.astype(np.float32)), o3d.core.Tensor(surface.triangles.astype(np.uint32))
     )
     return scene
 
 
-def _unhidden(scene: Any, surface: Surface, origins: Floats, sight: Floats) -> NDArray[np.bool_]:
+def _unhidden(scene: Any, origins: Floats, sight: Floats) -> Bools:
     """True (n,) where nothing lies between a point (n, 3) and the scanner far away along ``sight`` (n, 3)."""
-    rays = np.hstack([(origins - surface.centroid) / surface.diagonal, sight]).astype(np.float32)
+    rays = np.hstack([origins, sight]).astype(np.float32)
     return ~np.asarray(scene.test_occlusions(o3d.core.Tensor(rays)).numpy(), bool)

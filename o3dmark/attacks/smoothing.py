@@ -1,4 +1,4 @@
-"""Low-pass filters. They act on the welded surface, so that no seam opens, and keep the vertices of open borders."""
+"""Low-pass filters. They act on the welded surface, so that no seam opens, and keep the vertices of the boundary."""
 
 # ruff: noqa: ARG002 - attacks without randomness take an rng too
 
@@ -15,6 +15,8 @@ from o3dmark.attacks._carry import copied
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.registry import option
+
+_LARGEST = 1e12  # cotangent: beyond, the triangle has no area but for rounding, and counts nowhere
 
 
 @ATTACKS.register("smooth")
@@ -100,24 +102,21 @@ def _repeated(mesh: Any, one_pass: Callable[[Surface, Floats], Floats], iteratio
     surface = Surface.of(mesh)
     if not iterations:
         return copied(mesh)
-    border = geometry.border_vertices(surface.triangles, len(surface.vertices))[:, None]
+    boundary = geometry.boundary_vertices(surface.triangles, len(surface.vertices))[:, None]
     v = surface.vertices
     for _ in range(iterations):
-        v = np.where(border, surface.vertices, one_pass(surface, v))
+        v = np.where(boundary, surface.vertices, one_pass(surface, v))
     return with_vertices(mesh, surface, v)
 
 
 def _cotangent_mean(surface: Surface) -> sp.csr_array:
     """The row-stochastic matrix (n, n) of clipped cotangent weights; a vertex without any stays where it is."""
-    v, t, n = surface.vertices, surface.triangles, len(surface.vertices)
+    t, n = surface.triangles, len(surface.vertices)
+    cotangents = geometry.cotangents(surface.vertices, t)
+    cotangents = np.where(np.abs(cotangents) < _LARGEST, cotangents, 0.0)
     weights = sp.csr_array((n, n))
-    for corner in range(3):
-        i, j, k = t[:, corner], t[:, (corner + 1) % 3], t[:, (corner + 2) % 3]
-        a, b = v[j] - v[i], v[k] - v[i]
-        sine = np.linalg.norm(np.cross(a, b), axis=1)
-        cosine = np.einsum("ij,ij->i", a, b)
-        cotangent = np.divide(cosine, sine, out=np.zeros_like(sine), where=sine > 1e-12 * np.abs(cosine))
-        half = sp.csr_array((cotangent, (j, k)), shape=(n, n))
+    for corner in range(3):  # a corner's cotangent weighs the edge that faces it
+        half = sp.csr_array((cotangents[:, corner], (t[:, (corner + 1) % 3], t[:, (corner + 2) % 3])), shape=(n, n))
         weights = weights + half + half.T
     weights.data = np.maximum(weights.data, 0.0)
     total = np.asarray(weights.sum(axis=1)).ravel()

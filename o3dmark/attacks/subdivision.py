@@ -2,7 +2,7 @@
 
 A scheme is a sparse matrix from old to new positions, written as the scheme's masks. The masks are those of the surface
 with its seams closed, while seams stay in the connectivity: nothing cracks. Edges that do not have exactly two
-triangles (borders, non-manifold edges) are creases, so that no mesh need be refused.
+triangles (boundary and non-manifold edges) are creases, so that no mesh need be refused.
 """
 
 # ruff: noqa: ARG002 - attacks without randomness take an rng too
@@ -30,8 +30,8 @@ class Subdivide(Attack):
     midpoint     new vertices halve the edges; the shape does not change
     loop         Loop 1987, Smooth subdivision surfaces based on triangles: old vertices move, the shape is smoothed
     butterfly    Dyn, Levin and Gregory 1990: old vertices stay, new ones are a mean of eight (the regular mask at every
-                 valence); edges next to a border are halved
-    sqrt3        Kobbelt 2000: a vertex in every triangle, then old edges flip; borders keep their edges and vertices
+                 valence); edges next to a boundary are halved
+    sqrt3        Kobbelt 2000: a vertex in every triangle, then old edges flip; boundary edges and vertices stay
 
     Source: Wang et al. 2010, A benchmark for 3D mesh watermarking, "subdivision": loop, midpoint, sqrt3, once each.
     """
@@ -68,20 +68,18 @@ class _Sides:
     n: int
 
     @cached_property
-    def _unique(self) -> tuple[Ints, Ints]:
-        pairs = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-        edges, side = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        return edges, side.reshape(-1, 3)
+    def _numbered(self) -> tuple[Ints, Ints]:
+        return geometry.numbered_edges(self.triangles)
 
     @property
     def edges(self) -> Ints:
         """Vertices of each edge (e, 2), the lower first."""
-        return self._unique[0]
+        return self._numbered[0]
 
     @property
     def side(self) -> Ints:
         """The edge from corner c to the next one (m, 3)."""
-        return self._unique[1]
+        return self._numbered[1]
 
     @cached_property
     def proper(self) -> NDArray[np.bool_]:

@@ -11,17 +11,17 @@
 The TOML format stands in `spec_file`, the fields of a row in `row`, the files of a folder in `folder` and `pictures`.
 """
 
-from o3dmark.campaign.compact import compact, summarise
 from o3dmark.campaign.execution import Progress, run
 from o3dmark.campaign.folder import Kept, Run, load
 from o3dmark.campaign.job import Outcome, failed, run_job
+from o3dmark.campaign.keeping import compact, summarise
 from o3dmark.campaign.ledger import Ledger
 from o3dmark.campaign.plan import Campaign, Case, Gallery, Job, Source
 from o3dmark.campaign.plugins import Plugin
 from o3dmark.campaign.pool import dask_cluster, process_pool
 from o3dmark.campaign.row import Row, describe_fields, read_rows
 from o3dmark.campaign.spec_file import find_spec, read_campaign
-from o3dmark.campaign.specimen import Specimen, specimen
+from o3dmark.campaign.specimen import Specimen
 
 __all__ = [
     "Campaign",
@@ -48,6 +48,5 @@ __all__ = [
     "read_rows",
     "run",
     "run_job",
-    "specimen",
     "summarise",
 ]

@@ -1,6 +1,7 @@
 """Running a campaign: the jobs that the folder lacks, over an executor, appended as they finish."""
 
 import signal
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -51,13 +52,12 @@ def run(
     with Ledger(directory, kept.campaign.jobs()) as ledger:
         save(directory, kept)
         missing = [job for job in jobs if job.id not in ledger.done]
-        done, this = len(jobs) - len(missing), Run.now(command)
+        done, this, started = len(jobs) - len(missing), Run.now(command), time.monotonic()
         yield Progress(done, len(jobs))
         results = _in_turn(missing) if executor is None else _submitted(missing, executor, in_flight)
         for job, outcome in results:
-            if this not in kept.runs:
-                kept = replace(kept, runs=(*kept.runs, this))
-                save(directory, kept)
+            this = replace(this, seconds=round(time.monotonic() - started, 1))
+            save(directory, replace(kept, runs=(*kept.runs, this)))
             save_pictures(directory, outcome.pictures, [mesh.name for mesh in kept.campaign.meshes])
             ledger.append(outcome.rows)
             done += 1

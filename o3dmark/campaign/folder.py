@@ -24,7 +24,10 @@ _PACKAGE = Path(__file__).parent.parent
 
 @dataclass(frozen=True)
 class Run:
-    """One invocation that computed rows. ``commit`` is None where the package lies in no git checkout."""
+    """One invocation that computed rows. ``commit`` is None where the package lies in no git checkout.
+
+    ``seconds`` until its last row was kept; None where that was not noted.
+    """
 
     command: str
     started: str
@@ -32,6 +35,7 @@ class Run:
     commit: str | None
     machine: str
     python: str
+    seconds: float | None = None
 
     @classmethod
     def now(cls, command: str) -> "Run":

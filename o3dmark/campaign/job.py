@@ -16,7 +16,7 @@ from o3dmark.campaign.plan import UNTOUCHED, Case, Job, Reading
 from o3dmark.campaign.plugins import load_plugins
 from o3dmark.campaign.row import UNMARKED, Row
 from o3dmark.campaign.saliency_rank import rank_correlation
-from o3dmark.campaign.specimen import Specimen, key_of, specimen
+from o3dmark.campaign.specimen import Specimen, key_of
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.saliency import Saliency
@@ -39,7 +39,7 @@ def run_job(job: Job) -> Outcome:
     """Do a job. It has a row for each of its readings, whatever fails."""
     try:
         load_plugins(job.plugins)
-        made = specimen(job)
+        made = Specimen.of(job)
         common = _cost(job, made) | {"embed_seconds": round(made.seconds, 3)}
     except Exception as error:
         return failed(job, f"marking: {_reason(job, error)}")
@@ -130,7 +130,8 @@ def _cost(job: Job, made: Specimen) -> dict[str, Any]:
     for metric in map(METRICS.make, job.metrics):
         try:
             value = float(metric(made.cover, made.marked))
-            costs[metric.name] = _rounded(value) if math.isfinite(value) else None
+            costs[metric.name] = _rounded(value)
+            reason = reason if math.isfinite(value) else f"{metric.name}: {value} is no number that can be kept"
         except Exception as error:
             costs[metric.name], reason = None, f"{metric.name}: {_reason(job, error)}"
     return {"metrics": costs, "vertices": len(made.cover.vertices), "cost_failure": reason}
@@ -170,9 +171,9 @@ def _row(job: Job, reading: Reading, result: dict[str, Any]) -> Row:
     )
 
 
-def _rounded(value: float) -> float:
-    """Six digits: the rest depends on the order in which threads add."""
-    return float(f"{value:.6g}")
+def _rounded(value: float) -> float | None:
+    """Six digits: the rest depends on the order in which threads add. None for what JSON has no number for."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
 def _reason(job: Job, error: BaseException) -> str:

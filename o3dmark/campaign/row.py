@@ -79,6 +79,8 @@ class Row:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", dict.fromkeys(COSTS) | dict(self.metrics))
+        for name in _NULLABLE_TEXTS:  # a table has one way to say nothing
+            object.__setattr__(self, name, getattr(self, name) or None)
 
     @property
     def p_value(self) -> float | None:
@@ -100,17 +102,20 @@ class Row:
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> "Row":
         """What `to_dict` wrote. Errors: SpecError for what is no row of this version."""
+        if not isinstance(content, dict):
+            raise SpecError(f"a JSON object is wanted, not {content!r}")
         known = {name: content[name] for name in FIELDS if name in content}
         metrics = {name: value for name, value in content.items() if name not in FIELDS and name != "p_value"}
         missing = [name for name in _REQUIRED if name not in known]
         if missing or not all(value is None or isinstance(value, int | float) for value in metrics.values()):
-            raise SpecError(f"not a row of this version of o3dmark: {', '.join(missing or metrics)}")
+            raise SpecError(f"of another version of o3dmark; see {', '.join(missing or metrics)}")
         return cls(**known, metrics=metrics)
 
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Row) if field.name != "metrics")
 _REQUIRED = tuple(field.name for field in dataclasses.fields(Row) if field.default is dataclasses.MISSING)[:-1]
 _HINTS = typing.get_type_hints(Row)
+_NULLABLE_TEXTS = tuple(name for name, hint in _HINTS.items() if hint == str | None)
 
 
 def describe_fields() -> dict[str, str]:
@@ -150,7 +155,7 @@ def read_table(path: Path) -> Iterator[Row]:
         for number, texts in enumerate(csv.DictReader(file), start=2):
             try:
                 yield Row.from_dict(constant | {name: value_of(name, text) for name, text in texts.items()})
-            except (ValueError, TypeError, SpecError) as error:
+            except (ValueError, KeyError, SpecError) as error:
                 raise SpecError(f"{path}, line {number}: not a row: {error}") from None
 
 

@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh import similarity
 from o3dmark.mesh.geometry import diagonal
-from o3dmark.mesh.registration import align, apply, numbered_alike
+from o3dmark.mesh.registration import align, numbered_alike
 
 _FITS = 0.02  # RMS distance, over the cover's diagonal, below which a mesh is taken to lie where its cover lies
 _PROBES = 5000  # vertices by which the pose is found: enough for it, and soon done
@@ -45,7 +46,7 @@ def counterparts(cover: Floats, attacked: Floats) -> Ints:
     distance, nearest = tree.query(attacked)
     if np.sqrt(np.mean(distance**2)) > _FITS * diagonal(cover):
         pose = align(_probes(attacked), _probes(cover))
-        nearest = tree.query(apply(pose, attacked))[1]
+        nearest = tree.query(similarity.apply(pose, attacked))[1]
     return np.asarray(nearest, np.int64)
 
 

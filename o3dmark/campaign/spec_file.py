@@ -123,12 +123,12 @@ def _campaign(
         informed=_informed(content, methods),
         wrong_keys=content.number("wrong_keys", 0),
         unmarked=content.number("unmarked", 0),
-        controls=content.texts("controls", {case.group for case in cases}),
+        controls=content.texts("controls", dict.fromkeys(case.group for case in cases)),
         saliency_rank=content.value("saliency_rank", bool, False),
         gallery=_gallery(content.table("gallery"), meshes, cases) if "gallery" in content else None,
         plugins=plugins,
         published=published,
-        published_names=content.names("published_names", keys={line["method"] for line in figures(published)}),
+        published_names=content.names("published_names", keys=_methods_of(published)),
         imperceptibility=content.names("imperceptibility", values=methods),
     )
 
@@ -173,6 +173,10 @@ def _gallery(table: Table, meshes: Collection[str], cases: Iterable[Case]) -> Ga
     shown = table.texts("meshes", meshes) or tuple(meshes)[:6]
     attacks = table.texts("attacks", [case.name for case in cases])
     return Gallery(shown, attacks, one_of("gallery.subject", table.value("subject", str, shown[0]), shown))
+
+
+def _methods_of(published: str) -> Collection[str]:
+    return dict.fromkeys(line["method"] for line in figures(published))
 
 
 def figures(text: str) -> list[dict[str, str]]:

@@ -34,6 +34,16 @@ class Specimen:
     marked: Any
     seconds: float
 
+    @classmethod
+    def of(cls, job: Job) -> "Specimen":
+        """Mark the job's mesh. Errors: as in `Watermark.embed`, and MeshError when the mesh cannot be had."""
+        watermark = Watermark(METHODS.make(job.method), CODES.make(job.code), job.n_bits)
+        message, key, cover = _message(watermark, job.seed), key_of(f"seed {job.seed}"), cover_of(job.mesh)
+        bits = _bits(watermark, message, key, job.seed)
+        started = time.perf_counter()
+        marked = watermark.embed_bits(cover, bits, key)
+        return cls(watermark, job.seed, message, cover, marked, time.perf_counter() - started)
+
     @property
     def key(self) -> Key:
         """The owner's key."""
@@ -52,16 +62,6 @@ class Specimen:
     def saliency(self) -> Floats:
         """Saliency of the cover's vertices (n,)."""
         return Saliency()(self.cover)
-
-
-def specimen(job: Job) -> Specimen:
-    """Mark the job's mesh. Errors: as in `Watermark.embed`, and MeshError when the mesh cannot be had."""
-    watermark = Watermark(METHODS.make(job.method), CODES.make(job.code), job.n_bits)
-    message, key, cover = _message(watermark, job.seed), key_of(f"seed {job.seed}"), cover_of(job.mesh)
-    bits = _bits(watermark, message, key, job.seed)
-    started = time.perf_counter()
-    marked = watermark.embed_bits(cover, bits, key)
-    return Specimen(watermark, job.seed, message, cover, marked, time.perf_counter() - started)
 
 
 def key_of(label: str) -> Key:

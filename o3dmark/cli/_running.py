@@ -29,9 +29,9 @@ def run_campaign(
 
     started, rows, failures, done = time.perf_counter(), 0, 0, 0
     spec = find_spec(name)
-    campaign, out = read_campaign(spec, meshes, only=only, plugins=plugins), out or Path(spec.stem)
+    campaign = read_campaign(spec, meshes, only=only, plugins=plugins)
     options = [("--out", out), ("--meshes", meshes), *(("--only", each) for each in only)]
-    command = _command(name, options + [("--plugin", each) for each in plugins])
+    command, out = _command(name, options + [("--plugin", each) for each in plugins]), out or Path(spec.stem)
     with _executor(workers, dask) as (executor, size), _bar() as bar:
         task = bar.add_task(campaign.title, total=None)
         for event in run(campaign, out, executor, in_flight=2 * size, command=command):

@@ -40,7 +40,7 @@ def bench(
 def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="What bench wrote to.")], json: Json = False
 ) -> None:
-    """Write DIR/report.md and DIR/report.html: tables beside the paper's, curves, pictures."""
+    """Write DIR/report.md and DIR/report.html: tables, curves, pictures, beside published figures if it names any."""
     from o3dmark.report import write_report
 
     markdown, page = write_report(directory)

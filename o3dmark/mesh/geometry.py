@@ -9,6 +9,8 @@ import scipy.sparse as sp
 
 from o3dmark.arrays import AnyArray, Bools, Floats, Ints
 
+_INDEX_BITS = 31  # of a vertex: Open3D counts in 32, signed
+
 
 def area_vectors(vertices: Floats, triangles: Ints) -> Floats:
     """Each triangle's normal times its area (m, 3): half the cross product of two edges."""
@@ -51,6 +53,25 @@ def unit(vectors: Floats) -> Floats:
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
+def angles(vertices: Floats, triangles: Ints) -> Floats:
+    """The angle at each corner (m, 3) in radians; 0 or pi in triangles without area."""
+    return np.arctan2(*_corner_products(vertices, triangles))
+
+
+def cotangents(vertices: Floats, triangles: Ints) -> Floats:
+    """The cotangent of the angle at each corner (m, 3); not finite where a triangle has no area."""
+    sine, cosine = _corner_products(vertices, triangles)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(cosine / sine)
+
+
+def _corner_products(vertices: Floats, triangles: Ints) -> tuple[Floats, Floats]:
+    """Sine and cosine of the angle at each corner (m, 3), both times the lengths of its two edges."""
+    corner = vertices[triangles]
+    one, other = np.roll(corner, -1, axis=1) - corner, np.roll(corner, -2, axis=1) - corner
+    return np.linalg.norm(np.cross(one, other), axis=2), np.sum(one * other, axis=2)
+
+
 def barycentric(points: Floats, corners: Floats) -> Floats:
     """Barycentric coordinates (q, 3) of points (q, 3) in the planes of triangles (q, 3, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
@@ -74,23 +95,45 @@ def normal_rms(areas: Floats, corners: Floats) -> float:
 
 def edges(triangles: Ints) -> Ints:
     """Each undirected edge once (e, 2), the lower index first, in lexicographic order."""
-    return _edge_counts(triangles)[0]
+    return _pairs_of(np.unique(edge_keys(triangles)))
 
 
-def border_vertices(triangles: Ints, n_vertices: int) -> Bools:
+def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
+    """The edges (e, 2) as `edges` gives them, and which of them leads from each corner to the next (m, 3)."""
+    pairs, side = numbered_pairs(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2))
+    return pairs, side.reshape(-1, 3)
+
+
+def numbered_pairs(pairs: Ints) -> tuple[Ints, Ints]:
+    """Of undirected pairs of indices (k, 2) each once (e, 2), lower first, in order; and which of them each is (k,)."""
+    keys, number = np.unique(_keys_of(pairs[:, 0], pairs[:, 1]), return_inverse=True)
+    return _pairs_of(keys), number
+
+
+def boundary_vertices(triangles: Ints, n_vertices: int) -> Bools:
     """True (n,) at the vertices of an edge that only one triangle uses."""
-    pairs, counts = _edge_counts(triangles)
+    keys, counts = np.unique(edge_keys(triangles), return_counts=True)
     mask = np.zeros(n_vertices, bool)
-    mask[pairs[counts == 1].ravel()] = True
+    mask[_pairs_of(keys[counts == 1]).ravel()] = True
     return mask
 
 
-def _edge_counts(triangles: Ints) -> tuple[Ints, Ints]:
-    """Each undirected edge (e, 2), as `edges` gives them, and how many triangles use it (e,)."""
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    base = int(pairs.max(initial=0)) + 1
-    keys, counts = np.unique(pairs[:, 0] * base + pairs[:, 1], return_counts=True)  # much faster than by rows
-    return np.stack([keys // base, keys % base], axis=1), counts
+def edge_keys(triangles: Ints) -> Ints:
+    """A number (m, 3) for the edge from each corner to the next, the same wherever two vertices are joined."""
+    return _keys_of(triangles, np.roll(triangles, -1, axis=1))
+
+
+def _keys_of(one: Ints, other: Ints) -> Ints:
+    """A number for each undirected pair of indices, in the shape of both arrays; in lexicographic order.
+
+    numpy sorts such numbers several times faster than rows.
+    """
+    return np.asarray((np.minimum(one, other) << _INDEX_BITS) + np.maximum(one, other))
+
+
+def _pairs_of(keys: Ints) -> Ints:
+    """The pairs (e, 2) that keys (e,) stand for, the lower index first."""
+    return np.stack([keys >> _INDEX_BITS, keys & ((1 << _INDEX_BITS) - 1)], axis=1)
 
 
 def adjacency(triangles: Ints, n_vertices: int) -> sp.csr_array:
@@ -116,6 +159,11 @@ def area_centroid(vertices: Floats, triangles: Ints) -> Floats:
 def volume(vertices: Floats, triangles: Ints) -> float:
     """Signed volume that a closed surface bounds (divergence theorem); positive for outward winding."""
     return float(np.sum(area_vectors(vertices, triangles) * vertices[triangles[:, 0]]) / 3.0)
+
+
+def box_centre(vertices: Floats) -> Floats:
+    """Centre (3,) of the axis-aligned bounding box."""
+    return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2.0)
 
 
 def diagonal(vertices: Floats) -> float:

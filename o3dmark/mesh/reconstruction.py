@@ -1,34 +1,50 @@
-"""The closed surface through a point cloud."""
+"""The closed surface through a point cloud, by screened Poisson reconstruction (Kazhdan and Hoppe 2013).
+
+The door to Open3D's, which computes in float32 and so gets points about the origin, of size one.
+"""
 
 import numpy as np
+import open3d as o3d
 
-from o3dmark.errors import MeshError
+from o3dmark.errors import BackendError, MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh
+from o3dmark.mesh.similarity import UnitSize
+from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, point_cloud
 
-_LEAST = 1000
-_NEIGHBOURS = 30  # that a normal is estimated from
+_MIN_POINTS = 1000  # fewer leave nothing of a mark of 64 bits
+_NEIGHBOURS = 30  # by which estimated normals are oriented alike
+_MANY = 400_000  # points that make finer cells worthwhile: five for each cell that the surface crosses
 
 
-def surface_of_cloud(cloud: PointCloud) -> Surface:
-    """Screened Poisson reconstruction (Kazhdan and Hoppe 2013), as Open3D has it.
+def surface_of_points(cloud: PointCloud) -> Surface:
+    """The surface of a point cloud (Open3D's), which stays as it is.
 
     Normals are taken as they are, pointing outward; a cloud without any has them estimated, and oriented alike along a
     spanning tree, which fails where parts of the surface are close to each other.
-    Errors: MeshError for fewer than 1000 points, and for points that are not finite or all one.
+    Errors: MeshError for fewer than 1000 points, and for points that are not finite or all one; BackendError.
     """
-    count = len(cloud.points)
-    if count < _LEAST:
-        raise MeshError(f"{count} points are too few to tell a surface; {_LEAST} are the least")
     points = np.asarray(cloud.points)
-    middle, size = points.mean(axis=0), geometry.diagonal(points)
-    if not 0.0 < size < np.inf:
+    if len(points) < _MIN_POINTS:
+        raise MeshError(f"{len(points)} points are too few to tell a surface; {_MIN_POINTS} are the least")
+    if not 0.0 < geometry.diagonal(points) < np.inf:
         raise MeshError("the points are not finite, or all in one place")
-    cloud = PointCloud(cloud).translate(-middle).scale(1.0 / size, np.zeros(3))  # Poisson computes in float32
-    if not cloud.has_normals():
-        cloud.estimate_normals()
-        cloud.orient_normals_consistent_tangent_plane(_NEIGHBOURS)
-    depth = 8 if count < 400_000 else 9
-    built, _ = TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
-    surface = Surface.of(built)
-    return surface.moved(middle + size * surface.vertices)
+    frame = UnitSize.about_mean(points)
+    unit = point_cloud(frame.apply(points), np.asarray(cloud.normals) if cloud.has_normals() else None)
+    if not unit.has_normals():
+        unit.estimate_normals()
+        unit.orient_normals_consistent_tangent_plane(_NEIGHBOURS)
+    surface = Surface.of(poisson(unit, 8 if len(points) < _MANY else 9))
+    return surface.moved(frame.undo(surface.vertices))
+
+
+def poisson(cloud: PointCloud, depth: int) -> TriangleMesh:
+    """The Poisson surface of oriented points of about size one; the longest side has about 2^depth cells.
+
+    Errors: BackendError if it has no triangle.
+    """
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        # one thread: with more, sums come in another order and the same points give another mesh
+        built, _ = TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    if not built.has_triangles():
+        raise BackendError(f"Open3D's Poisson reconstruction of {len(cloud.points)} points has no triangle")
+    return built

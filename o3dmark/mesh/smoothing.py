@@ -1,14 +1,12 @@
-"""Undoing smoothing: the inverse of a known polynomial of a mesh's umbrella operator.
+"""Smoothing undone: the inverse of a known polynomial of a mesh's umbrella operator.
 
 Smoothing with umbrella weights multiplies each eigenvector of L = I - D^-1 A (D^-1 A takes a vertex to the mean of its
-neighbours) by a transfer h(x) of its eigenvalue x, 0 <= x <= 2, and so can be undone by multiplying with
+neighbours) by a transfer function h(x) of its eigenvalue x, 0 <= x <= 2, and so can be undone by multiplying with
 
     f(x) = h (1 + e) / (h^2 + e),    e = 1 / (4 gain^2)
 
 which is 1 / h where the smoothing left something, and small where it did not: no detail grows by more than about
-``gain``. One Chebyshev basis of L, applied to the coordinates once, serves any number of such functions.
-Its 65 polynomials resolve gains of 1000 for the umbrella, of about 30 for Taubin's filter and of 8 for HC, whose
-transfers have zeros.
+``gain``. The Chebyshev polynomials of L, applied to the coordinates once, serve any number of such functions.
 """
 
 from collections.abc import Callable
@@ -21,7 +19,7 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 
 Transfer = Callable[[Floats], Floats]
-_DEGREE = 64
+_DEGREE = 64  # resolves gains of 1000 for umbrella, about 30 for Taubin and 8 for HC, whose transfers have zeros
 
 
 def umbrella(steps: float, factor: float) -> Transfer:
@@ -34,15 +32,15 @@ def taubin(steps: float, forth: float, back: float) -> Transfer:
     return lambda x: np.maximum((1.0 - forth * x) * (1.0 - back * x), 0.0) ** steps
 
 
-def humphrey(steps: float) -> Transfer:
+def hc(steps: float) -> Transfer:
     """``steps`` passes of the HC algorithm with alpha 0 and beta 1/2 (Vollmer et al. 1999)."""
     return lambda x: (1.0 - 0.5 * x * x) ** steps
 
 
-class Unfilter:
+class InverseSmoothing:
     """A surface whose smoothing is to be undone in many ways.
 
-    Vertices on borders are taken to have stayed where they were, as smoothing usually leaves them.
+    Vertices on the boundary are taken to have stayed where they were, as smoothing usually leaves them.
     """
 
     def __init__(self, surface: Surface) -> None:
@@ -59,7 +57,7 @@ class Unfilter:
 
 def _chebyshev_basis(surface: Surface, x: Floats) -> Floats:
     """T_0 .. T_64 of L - I applied to x (n, 3): (65, n, 3)."""
-    fixed = geometry.border_vertices(surface.triangles, len(x))[:, None]
+    fixed = geometry.boundary_vertices(surface.triangles, len(x))[:, None]
 
     def shifted(y: Floats) -> Floats:
         return -np.where(fixed, y, surface.neighbour_mean @ y)

@@ -36,7 +36,7 @@ from o3dmark.coding.scs import ScalarCosta, coherence_log10p
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh import geometry, registration
 from o3dmark.mesh.saliency import Saliency
-from o3dmark.mesh.smoothing import Unfilter, umbrella
+from o3dmark.mesh.smoothing import InverseSmoothing, umbrella
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods._remembered import Remembered
@@ -308,9 +308,9 @@ class SaliencySCS(Method):
             if received.multiplicity.max() > 1:
                 yield Guess("rounded until vertices met", received, self.passes, received.multiplicity)
             yield Guess("subdivided once", received, _FINER * self.passes)
-            unfilter = Unfilter(received)
+            inverse = InverseSmoothing(received)
             for n in _PASSES:
-                surface = received.moved(unfilter.undo(umbrella(n, _STRENGTH), _GAIN))
+                surface = received.moved(inverse.undo(umbrella(n, _STRENGTH), _GAIN))
                 yield Guess("as received", surface, self.passes, smoothed=n)
 
 

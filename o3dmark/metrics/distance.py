@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark.arrays import Floats
-from o3dmark.mesh import geometry
 from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.sampling import stratified
 from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.registry import option
@@ -59,18 +58,9 @@ def surface_distance(reference: Any, distorted: Any, *, samples: int = SAMPLES, 
     return SurfaceDistance(rms_forward / d, rms_backward / d, max_forward / d, max_backward / d, d)
 
 
-def sample_points(surface: Surface, count: int, rng: np.random.Generator) -> Floats:
-    """``count`` points (count, 3) of the surface, uniform by area: one from each of ``count`` equal shares of it."""
-    reach = np.cumsum(geometry.areas(surface.vertices, surface.triangles))
-    shares = (np.arange(count) + rng.random(count)) / count
-    face = np.minimum(np.searchsorted(reach, shares * reach[-1], side="right"), len(reach) - 1)
-    a, b, c = surface.vertices[surface.triangles[face]].transpose(1, 0, 2)
-    s, t = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return (1 - s) * a + s * (1 - t) * b + s * t * c
-
-
 def _one_way(source: Surface, target: Surface, samples: int, seed: int) -> tuple[float, float]:
-    points = np.concatenate([sample_points(source, samples, np.random.default_rng(seed)), source.vertices])
+    drawn = stratified(source, samples, np.random.default_rng(seed)).points
+    points = np.concatenate([drawn, source.vertices])
     distance = closest_points(points, target).distance
     return float(np.sqrt(np.mean(distance[:samples] ** 2))), float(distance.max())
 

@@ -46,26 +46,17 @@ class FMPD(Metric):
 def roughness(surface: Surface) -> Floats:
     """Local roughness (n,) in radians: how far |angle defect| is from its cotangent-weighted mean over the neighbours.
 
-    The defect counts from 2 pi, on the border from pi. No length enters: similar meshes are equally rough.
+    The defect counts from 2 pi, on the boundary from pi. No length enters: similar meshes are equally rough.
     """
     n = len(surface.vertices)
-    angles, cotangents = _corners(surface)
-    full = np.where(geometry.border_vertices(surface.triangles, n), np.pi, 2.0 * np.pi)
+    angles = geometry.angles(surface.vertices, surface.triangles)
+    cotangents = geometry.cotangents(surface.vertices, surface.triangles)
+    full = np.where(geometry.boundary_vertices(surface.triangles, n), np.pi, 2.0 * np.pi)
     defect = np.abs(full - np.bincount(surface.triangles.ravel(), angles.ravel(), minlength=n))
     i, j = np.roll(surface.triangles, -1, axis=1).ravel(), np.roll(surface.triangles, -2, axis=1).ravel()
     weights = sp.csr_array((np.clip(0.5 * cotangents, *_COTANGENTS).ravel(), (i, j)), shape=(n, n))
     weights = weights + weights.T
     return np.asarray(np.abs(defect - weights @ defect / weights.sum(axis=1)))
-
-
-def _corners(surface: Surface) -> tuple[Floats, Floats]:
-    """The angle and its cotangent at each triangle's corners, both (m, 3)."""
-    corner = surface.vertices[surface.triangles]
-    one, other = np.roll(corner, -1, axis=1) - corner, np.roll(corner, -2, axis=1) - corner
-    sine = np.linalg.norm(np.cross(one, other), axis=2)
-    cosine = np.sum(one * other, axis=2)
-    with np.errstate(divide="ignore"):  # a corner without area: an infinite cotangent, clamped where it is used
-        return np.arctan2(sine, cosine), cosine / sine
 
 
 def _area_mean(values: Floats, surface: Surface) -> float:
@@ -75,5 +66,5 @@ def _area_mean(values: Floats, surface: Surface) -> float:
 def _perceived(local: Floats, mean: float) -> Floats:
     """Roughness as seen: a power law, flatter beyond ``mean``, the mean roughness of the smoother mesh."""
     seen = np.clip(local, _LEAST, max(_MOST, _MOST_OF_MEAN * mean)) ** _EXPONENT - _LEAST**_EXPONENT
-    turn = max(mean, _LEAST) ** _EXPONENT - _LEAST**_EXPONENT
-    return np.where(seen > turn, turn + _MASKED * (seen - turn), seen)
+    knee = max(mean, _LEAST) ** _EXPONENT - _LEAST**_EXPONENT
+    return np.where(seen > knee, knee + _MASKED * (seen - knee), seen)

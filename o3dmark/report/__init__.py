@@ -9,6 +9,7 @@ holds: rows, the campaign's plan and runs, the figures that it is compared with,
 from collections.abc import Iterator
 from pathlib import Path
 
+from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.files import replacing
 from o3dmark.report.comparison import comparison_section
 from o3dmark.report.content import Section
@@ -20,6 +21,7 @@ from o3dmark.report.gallery import gallery_sections
 from o3dmark.report.header import facts, tiles
 from o3dmark.report.markdown import markdown
 from o3dmark.report.page import page
+from o3dmark.report.sweep import sweep_section
 from o3dmark.report.tables import attacks_section, failure_section, meshes_section, overview_section
 
 
@@ -41,6 +43,9 @@ def write_report(directory: str | Path) -> tuple[Path, Path]:
 
 
 def _sections(results: Results) -> Iterator[Section]:
+    if not results.rows:
+        yield from sweep_section(results.directory / SUMMARY)
+        return
     yield from overview_section(results)
     yield from curve_sections(results)
     yield from attacks_section(results)

@@ -1,9 +1,10 @@
 """What a report consists of, whatever it is written in: sections of tables, figures and pictures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Tone = Literal["", "better", "same", "below", "far"]
+_WIDE = 14  # columns that fit on a page
 _NEAR, _FAR = 0.03, 0.15  # differences of Corr, or relative ones where less is better
 TONES: dict[Tone, str] = {
     "better": "better than published",
@@ -56,6 +57,16 @@ class Picture:
 
 
 Block = Table | Figure | Picture
+
+
+def fitting(table: Table) -> Table:
+    """A table with a column for each mesh; where they are too many for a page, with a line for each."""
+    if len(table.head) <= _WIDE:
+        return table
+    columns = zip(*table.rows, strict=True)
+    names, *others = ([cell.text for cell in next(columns)], *columns)
+    rows = tuple((Cell(name), *cells) for name, cells in zip(table.head[1:], others, strict=True))
+    return replace(table, head=(table.head[0], *names), rows=rows)
 
 
 @dataclass(frozen=True)

@@ -2,34 +2,41 @@
 
 from o3dmark.campaign import Run
 from o3dmark.campaign.row import UNMARKED, WRONG_KEY
-from o3dmark.report.content import Cell, ber_number
+from o3dmark.report.content import Cell, ber_number, number
 from o3dmark.report.cost import cost, measure
 from o3dmark.report.data import Results
-from o3dmark.report.summary import ber
+from o3dmark.report.summary import ber, mean
 from o3dmark.report.tables import agreement, share
 
 
 def facts(results: Results) -> dict[str, str]:
     """Names and values for the report's head."""
     campaign = results.campaign
-    jobs, there = len(list(campaign.jobs())), len({row.job for row in results.rows})
-    seconds = [row.seconds for row in results.rows if row.seconds is not None]
     several = len(results.runs) > 1
     return {
         **{f"run {count}" if several else "run": run_text(run) for count, run in enumerate(results.runs, start=1)},
-        "rows measured by": "o3dmark " + ", ".join(sorted({row.version for row in results.rows})),
         "seeds": ", ".join(map(str, campaign.seeds)),
         "bits": ", ".join(map(str, campaign.bits)),
         "meshes": "; ".join(_mesh_text(results, mesh.name, mesh.public) for mesh in campaign.meshes),
-        "readings": f"{len(results.rows)} of {there} jobs" + (f" (of {jobs}: unfinished)" if there < jobs else ""),
-        "extraction": f"{sum(seconds) / max(1, len(seconds)):.2f} s on average",
+        **(_measured(results) if results.rows else {}),
         **_quoted(results),
+    }
+
+
+def _measured(results: Results) -> dict[str, str]:
+    """How many rows there are, by which versions, and how long a reading takes."""
+    jobs, there = len(list(results.campaign.jobs())), len({row.job for row in results.rows})
+    seconds = mean(row.seconds for row in results.rows)
+    return {
+        "readings": f"{len(results.rows)} of {there} jobs" + (f" (of {jobs}: unfinished)" if there < jobs else ""),
+        "measured by": "o3dmark " + ", ".join(sorted({row.version for row in results.rows})),
+        "extraction": f"{number(seconds)} s on average",
     }
 
 
 def _quoted(results: Results) -> dict[str, str]:
     """Whose figures ours stand beside, if anybody's."""
-    methods = dict.fromkeys(entry.method for entry in results.published.entries)
+    methods = dict.fromkeys(figure.method for figure in results.published.figures)
     names = "; ".join(map(results.published.name, methods))
     return {"published figures": f"quoted, of {names}; all others were measured here"} if names else {}
 
@@ -41,8 +48,10 @@ def run_text(run: Run) -> str:
 
 
 def tiles(results: Results) -> dict[str, Cell]:
-    """The headline figures of the method that the campaign calls its own."""
+    """The headline figures of the method that the campaign calls its own; none where no rows are kept."""
     label, who = results.campaign.main, results.main
+    if not results.rows:
+        return {}
     if who is None:
         return {"method": Cell(label, "no reading yet")}
     attacked = results.attacked(who)

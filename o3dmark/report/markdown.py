@@ -39,8 +39,9 @@ def _lines(
 ) -> Iterator[str]:
     yield f"# {paragraph(title)}\n"
     yield from (f"- {paragraph(name)}: {inline(value)}" for name, value in facts.items())
-    yield ""
-    yield from _table(tuple(tiles), [tuple(tiles.values())])
+    if tiles:
+        yield ""
+        yield from _table(tuple(tiles), [tuple(tiles.values())])
     for section in sections:
         tables = [block for block in section.blocks if isinstance(block, Table)]
         if tables or not section.blocks:

@@ -112,7 +112,9 @@ def oriented(vertices: Floats, triangles: Ints) -> Ints:
     A one-sided piece (a Moebius strip) cannot be wound alike and keeps its winding; a thin one keeps it too,
     unless the volume of all is negative.
     """
-    edge, forward, face = _half_edges(triangles)
+    edge = geometry.edge_keys(triangles).ravel()
+    forward = (triangles < np.roll(triangles, -1, axis=1)).ravel()
+    face = np.repeat(np.arange(len(triangles)), 3)
     order = np.argsort(edge, kind="stable")
     first = np.flatnonzero(np.diff(edge[order], prepend=-1))
     pair = first[np.diff(first, append=len(edge)) == 2]
@@ -162,14 +164,6 @@ def normal_rms(solid: Solid, displacement: Floats) -> float:
     n = len(solid.movable)
     real = (solid.triangles < n).all(axis=1)
     return geometry.normal_rms(solid.area_vectors[real], displacement[solid.triangles[real]])
-
-
-def _half_edges(triangles: Ints) -> tuple[Ints, Bools, Ints]:
-    """For each of the 3 m half-edges: the number of its edge, whether it runs upward, its triangle."""
-    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    edge = low * (int(triangles.max(initial=0)) + 1) + high
-    return edge, start < end, np.repeat(np.arange(len(triangles)), 3)
 
 
 def _two_colouring(a: Ints, b: Ints, unlike: Bools, count: int) -> tuple[Bools, Ints]:

@@ -89,12 +89,11 @@ def marching_tetrahedra(field: Field, spacing: float, steepest: float = 1.6) -> 
     tetrahedra = place.reshape(-1, 8)[:, _KUHN].reshape(-1, 4)
     case = inside[tetrahedra] @ np.array([1, 2, 4, 8])
     ends = np.concatenate([tetrahedra[case == number][:, rows] for number, rows in _CASES])  # (m, 3, 2)
-    ends = np.sort(ends.reshape(-1, 2), axis=1)
-    edges, triangles = np.unique(ends[:, 0] * len(keys) + ends[:, 1], return_inverse=True)
-    a, b = np.divmod(edges, len(keys))
+    edges, triangles = geometry.numbered_pairs(ends.reshape(-1, 2))
+    a, b = edges.T
     share = np.clip(values[a] / (values[a] - values[b]), 0.02, 0.98)[:, None]
     vertices = corners[a] + share * (corners[b] - corners[a])
-    if geometry.border_vertices(triangles.reshape(-1, 3), len(edges)).any():
+    if geometry.boundary_vertices(triangles.reshape(-1, 3), len(edges)).any():
         if steepest > 6.0:
             raise MeshError("the solid leaves its box, or its field is no distance")
         return marching_tetrahedra(field, spacing, 2.0 * steepest)

@@ -22,8 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from o3dmark.arrays import Floats
-from o3dmark.mesh import geometry, registration
-from o3dmark.mesh.fragments import places
+from o3dmark.mesh import fragments, geometry, similarity
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
@@ -50,7 +49,7 @@ def read_fragment(received: Surface, cover: Cover, steps: Floats, n_bits: int) -
     ``steps`` (s,) are those that the writer may have used. Soft bits in -1 .. 1; of zero, with a note, where the
     fragment lies nowhere on the cover. Errors: MeshError as for marking the cover.
     """
-    poses = places(received, cover.surface)
+    poses = fragments.poses(received, cover.surface)
     tried = 2 * max(1, len(poses)) * len(steps)  # twice: smoothed, or not
     model, points = _CoverModel(cover, steps), _Points.of(received)
     fit = _best_fit(model, points, poses)
@@ -95,7 +94,7 @@ class _Points(NamedTuple):
     @classmethod
     def of(cls, received: Surface) -> "_Points":
         """The vertices off the boundary, which a cut or a simplification moves; a sample where they are many."""
-        inner = ~geometry.border_vertices(received.triangles, len(received.vertices))
+        inner = ~geometry.boundary_vertices(received.triangles, len(received.vertices))
         return cls(received.vertices[inner], received.normals[inner]).thinned(_MAX_POINTS)
 
     def thinned(self, count: int) -> "_Points":
@@ -105,7 +104,7 @@ class _Points(NamedTuple):
     def aligned(self, pose: Floats) -> "_Points":
         """As moved by a similarity (4, 4)."""
         turn = pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))
-        return _Points(registration.apply(pose, self.positions), self.normals @ turn.T)
+        return _Points(similarity.apply(pose, self.positions), self.normals @ turn.T)
 
 
 class _Fit(NamedTuple):
@@ -152,7 +151,7 @@ def _fitted(model: _CoverModel, points: _Points, pose: Floats, modes: Floats) ->
             N = weighted @ A
             x = np.linalg.solve(N + prior, weighted @ found.d - prior @ before)
         change = change + x[:K]
-        pose = registration.small_similarity(x[K : K + 7], found.centre) @ pose
+        pose = similarity.small(x[K : K + 7], found.centre) @ pose
         N[K:, K:] += others
         fit = _Fit(change, *_schur_complement(N, weighted @ (found.d - A @ x), K), noise)
     return fit
@@ -193,7 +192,7 @@ def _correspondences(model: _CoverModel, change: Floats, aligned: _Points, modes
     speed = share[kept] * np.einsum("qcd,qd->qc", model.normals[corners], normal)
     functions, smoothing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (model.cover.basis, modes))
     centre = points.sum(axis=0) / max(1, len(points))
-    motions = registration.motions(points - centre, normal)
+    motions = similarity.motions(points - centre, normal)
     return _Correspondences(np.einsum("qd,qd->q", offset[kept], normal), functions, motions, smoothing, centre)
 
 

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from o3dmark.arrays import Bits, Floats
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
-from o3dmark.mesh.reconstruction import surface_of_cloud
+from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import PointCloud, Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
@@ -121,7 +121,7 @@ class ShapeSpectrum(Method):
         if isinstance(mesh, Hypotheses):
             return mesh
         is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
-        surface = surface_of_cloud(mesh) if is_cloud else Surface.of(mesh)
+        surface = surface_of_points(mesh) if is_cloud else Surface.of(mesh)
         return self._hypotheses(surface)
 
     def capacity(self, mesh: Any) -> int:

@@ -14,8 +14,8 @@ import numpy as np
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.pn_triangles import curved
-from o3dmark.mesh.smoothing import Transfer, Unfilter, humphrey, taubin, umbrella
+from o3dmark.mesh.pn_triangles import pn_triangles
+from o3dmark.mesh.smoothing import InverseSmoothing, Transfer, hc, taubin, umbrella
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._remembered import Remembered
 from o3dmark.methods.shape_spectrum.hypotheses import PASSES, FrameHypothesis, SmoothingSweep
@@ -50,7 +50,7 @@ _EXACT = Filter("umbrella", lambda n: umbrella(n, 0.1), 1000.0, _UMBRELLA, tuple
 _FILTERS = (
     _EXACT,
     Filter("Taubin", lambda n: taubin(n, 0.5, -0.53), 30.0, _TAUBIN),
-    Filter("HC", humphrey, 8.0, (1, 2, 4, 7, 10, 14)),
+    Filter("HC", hc, 8.0, (1, 2, 4, 7, 10, 14)),
     Filter("umbrella", lambda n: umbrella(n, 0.1), 8.0, _UMBRELLA),
     Filter("Taubin", lambda n: taubin(n, 0.5, -0.53), 8.0, _TAUBIN),
 )
@@ -110,7 +110,7 @@ class Hypotheses:
 
     def _bulging(self, rule: FrameRule, first: FrameHypothesis) -> Iterator[FrameHypothesis]:
         """What a mesh that has lost vertices looked like: its surface may bulge between those that are left."""
-        solid = Solid.of(curved(self.received))
+        solid = Solid.of(pn_triangles(self.received))
         spectrum = Spectrum.of_solid(self.band, rule.near(solid, first.frame).solid(solid))
         bulge = Spectrum(self.band, spectrum.values - first.spectrum.values)
         for share in _BULGES:
@@ -120,7 +120,7 @@ class Hypotheses:
         self, solid: Solid, rule: FrameRule, first: FrameHypothesis, ambiguities: list[Floats]
     ) -> Iterator[Round]:
         """For each filter the surface before its passes; where a pass moves much, also in frames of its own."""
-        inverse = Unfilter(self.received)
+        inverse = InverseSmoothing(self.received)
         abrupt = self._motion(inverse) > _ABRUPT
         for each in _FILTERS:
             passes = each.every_pass if abrupt and each.every_pass else each.knots
@@ -129,7 +129,7 @@ class Hypotheses:
             if abrupt and each.every_pass:
                 yield Round(list(self._anew(inverse, solid, before, each, ambiguities)), fit=True)
 
-    def _motion(self, inverse: Unfilter) -> float:
+    def _motion(self, inverse: InverseSmoothing) -> float:
         """RMS motion of the surface in a pass of umbrella smoothing, over the diagonal."""
         area = self.received.vertex_areas
         motion = inverse.undo(_EXACT.transfer(2), _EXACT.gain) - self.received.vertices
@@ -137,7 +137,7 @@ class Hypotheses:
 
     def _before(
         self,
-        inverse: Unfilter,
+        inverse: InverseSmoothing,
         solid: Solid,
         rule: FrameRule,
         first: FrameHypothesis,
@@ -163,7 +163,7 @@ class Hypotheses:
 
     def _anew(
         self,
-        inverse: Unfilter,
+        inverse: InverseSmoothing,
         solid: Solid,
         before: dict[int, FrameHypothesis],
         each: Filter,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from o3dmark.attacks import attack_all
-from o3dmark.mesh.geometry import border_vertices
-from o3dmark.mesh.smoothing import Transfer, Unfilter, humphrey, taubin, umbrella
+from o3dmark.mesh.geometry import boundary_vertices
+from o3dmark.mesh.smoothing import InverseSmoothing, Transfer, hc, taubin, umbrella
 from o3dmark.mesh.surface import Surface, TriangleMesh
 
 CASES = [
@@ -13,7 +13,7 @@ CASES = [
     ("smooth:iterations=50", umbrella(50, 0.1), 1000.0, 0.25),
     ("smooth:iterations=4,strength=0.3", umbrella(4, 0.3), 1000.0, 0.2),
     ("taubin:iterations=10", taubin(10, 0.5, -0.53), 30.0, 0.55),
-    ("hc:iterations=4", humphrey(4), 8.0, 0.75),
+    ("hc:iterations=4", hc(4), 8.0, 0.75),
 ]
 
 
@@ -28,26 +28,27 @@ def test_it_undoes_the_attack_of_that_name(
     """What is left of the damage; details that the smoothing wiped out do not come back."""
     cover, smooth = Surface.of(spot), Surface.of(attack_all(spot, [attack]))
     damage = rms(smooth.vertices, cover.vertices)
-    assert rms(Unfilter(smooth).undo(transfer, gain), cover.vertices) < left * damage
+    assert rms(InverseSmoothing(smooth).undo(transfer, gain), cover.vertices) < left * damage
 
 
 @pytest.mark.parametrize("gain", [4.0, 30.0])
 def test_no_detail_grows_by_more_than_the_gain(spot: TriangleMesh, gain: float) -> None:
     surface = Surface.of(spot)
     noise = 1e-4 * np.random.default_rng(0).standard_normal(surface.vertices.shape)
-    one, other = (Unfilter(s).undo(umbrella(60, 0.1), gain) for s in (surface, surface.moved(surface.vertices + noise)))
+    both = surface, surface.moved(surface.vertices + noise)
+    one, other = (InverseSmoothing(s).undo(umbrella(60, 0.1), gain) for s in both)
     assert rms(one, other) < gain * rms(noise, np.zeros_like(noise))
 
 
 def test_no_smoothing_is_the_identity(spot: TriangleMesh) -> None:
     surface = Surface.of(spot)
-    assert Unfilter(surface).undo(umbrella(0, 0.1), 10.0) == pytest.approx(surface.vertices, abs=1e-12)
+    assert InverseSmoothing(surface).undo(umbrella(0, 0.1), 10.0) == pytest.approx(surface.vertices, abs=1e-12)
 
 
-def test_borders_stay(spot: TriangleMesh) -> None:
+def test_the_boundary_stays(spot: TriangleMesh) -> None:
     cover = Surface.of(spot)
     cut = Surface.from_arrays(cover.vertices, cover.triangles[200:])
-    border = border_vertices(cut.triangles, len(cut.vertices))
-    assert border.any()
-    undone = Unfilter(cut).undo(umbrella(20, 0.1), 100.0)
-    assert undone[border] == pytest.approx(cut.vertices[border], abs=1e-9)
+    boundary = boundary_vertices(cut.triangles, len(cut.vertices))
+    assert boundary.any()
+    undone = InverseSmoothing(cut).undo(umbrella(20, 0.1), 100.0)
+    assert undone[boundary] == pytest.approx(cut.vertices[boundary], abs=1e-9)

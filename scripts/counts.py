@@ -1,0 +1,102 @@
+"""Tables that count readings, for `tables`: each is a head and lines of cells, from a campaign's results."""
+
+import csv
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from o3dmark.campaign.keeping import SUMMARY
+from o3dmark.campaign.plan import UNTOUCHED
+from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row
+from o3dmark.errors import SpecError
+from o3dmark.report.data import Results
+from o3dmark.report.markdown import inline
+
+Lines = tuple[list[str], list[list[str]]]  # a head, and the lines under it
+CROPPING = "cropping"
+RATES = (0.1, 0.01, 0.001)
+P_VALUES = {
+    "message known": "log10_p_best",
+    "message unknown": "log10_p_message",
+    "message known, hypotheses not charged": "log10_p_uncharged",
+}
+
+
+def messages(result: Results) -> Lines:
+    """How many messages each method reads after attacks other than cropping, and under wrong keys."""
+    lines = [
+        [
+            inline(who.name),
+            _share([row for row in result.attacked(who) if row.group != CROPPING], "message_ok"),
+            _share(result.controls(who, WRONG_KEY), "message_read"),
+        ]
+        for who in result.entries
+    ]
+    return ["method", "messages read after all attacks but cropping", "messages read under wrong keys"], lines
+
+
+def wrong_keys(all_results: Sequence[Results]) -> Lines:
+    """How many p-values under wrong keys, and of unmarked meshes, are as small as each rate; how many may be."""
+    lines = []
+    for result in all_results:
+        for who in result.entries:
+            for control in (WRONG_KEY, UNMARKED):
+                read = [row for row in result.controls(who, control) if row.failure is None]
+                for kind, field in P_VALUES.items():
+                    values = [value for row in read if (value := getattr(row, field)) is not None]
+                    if values:
+                        lines.append([inline(who.name), control, kind, _span(read), str(len(values)), *_small(values)])
+    head = ["method", "control", "p-value", "hypotheses a reading", "readings", *(f"p ≤ {rate:g}" for rate in RATES)]
+    return head, lines
+
+
+def any_mesh(result: Results) -> Lines:
+    """How many meshes can be marked, and of how many every bit is read in each condition; which are the others."""
+    untouched = [row for who in result.entries for row in result.of(who, UNTOUCHED)]
+    refused = [row for row in untouched if row.failure and row.failure.startswith("marking:")]
+    lines = [["marked", f"{len(untouched) - len(refused)} of {len(untouched)}", ""]]
+    kinds = Counter((row.failure or "").split(": ")[1] for row in refused)
+    lines += [["refused", str(count), kind] for kind, count in kinds.most_common()]
+    for group, condition in [(UNTOUCHED, "-"), *result.conditions]:
+        read = [row for who in result.entries for row in result.of(who, group, condition) if row not in refused]
+        read = [row for row in read if not (row.failure or "").startswith("marking:")]
+        others = ", ".join(inline(row.mesh) for row in read if row.bit_errors != 0)
+        name = group if group == UNTOUCHED else condition
+        lines.append([inline(name), f"{sum(row.bit_errors == 0 for row in read)} of {len(read)}", others])
+    return ["", "every bit read", "not"], lines
+
+
+def attack_sweep(directory: Path) -> Lines:
+    """How many attacks gave a valid mesh, from a folder's summary; each that sometimes did not. Errors: SpecError."""
+    try:
+        with (directory / SUMMARY).open(encoding="utf-8", newline="") as file:
+            found = [line for line in csv.DictReader(file) if line["group"] != UNTOUCHED]
+    except OSError:
+        raise SpecError(f"{directory} has no {SUMMARY}; `o3dmark bench NAME --summary` writes it") from None
+    outcomes = ("ok", "refused", "failed")
+    total = [str(sum(int(line[outcome]) for line in found)) for outcome in outcomes]
+    lines = [[f"all {len(found)}", *total]]
+    lines += [
+        [inline(line["attack"]), *(line[outcome] for outcome in outcomes)]
+        for line in found
+        if line["refused"] != "0" or line["failed"] != "0"
+    ]
+    return ["attack", "a valid mesh, the input as it was", "refused, with a reason", "failed"], lines
+
+
+def _share(rows: Sequence[Row], field: str) -> str:
+    values = [value for row in rows if (value := getattr(row, field)) is not None]
+    return f"{sum(values)} of {len(values)}"
+
+
+def _span(rows: Sequence[Row]) -> str:
+    counts = sorted(row.hypotheses for row in rows if row.hypotheses is not None)
+    return f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else str(counts[0])
+
+
+def _small(log10_p: Sequence[float]) -> list[str]:
+    """The number of p-values at or below each rate, and how many may be."""
+    return [
+        f"{sum(value <= math.log10(rate) for value in log10_p)} ({rate * len(log10_p):.3g} allowed)" for rate in RATES
+    ]
