@@ -151,9 +151,9 @@ def least_bits(message_bytes: int) -> int:
 def decode_osd(G: Bits, bits: ArrayLike, weight: ArrayLike) -> Bits:
     """The information word (k,) whose codeword differs from ``bits`` (n,) in the least total ``weight`` (n,).
 
-    Ordered-statistics decoding (Fossorier and Lin 1995): the k most trusted independent bits, the basis, determine a codeword;
-    every way to flip up to four of them, two and two, is weighed. Nearly, not always, the optimum: pairs are taken
-    among the 32 least trusted of the k.
+    Ordered-statistics decoding (Fossorier and Lin 1995): the k most trusted independent bits, the basis, determine a
+    codeword; every way to flip up to four of them, as two patterns of one or two, is weighed. Nearly, not always, the
+    optimum: pairs are taken among the 32 least trusted of the k.
     """
     y, w = np.asarray(bits, np.uint8), np.asarray(weight, np.float32)
     k, n = G.shape
@@ -166,12 +166,11 @@ def decode_osd(G: Bits, bits: ArrayLike, weight: ArrayLike) -> Bits:
     price = np.append(w[basis], np.float32(0))[flips].sum(axis=1)
     parity = np.vstack([P, np.zeros_like(P[:1])])[flips]
     turned = parity[:, 0] ^ parity[:, 1]
-    best = (
-        price + np.einsum("ij,j->i", turned ^ wrong, w_others)
-    ).min()  # of one pair alone; no part of a better two costs more,
+    # of two patterns that beat the best single one, neither costs more in the basis, and one costs half at most
+    best = (price + np.einsum("ij,j->i", turned ^ wrong, w_others)).min()
     cheap = price <= best
     flips, price, turned = flips[cheap], price[cheap], turned[cheap]
-    half = price <= best / 2  # and one of the parts costs half of it at most
+    half = price <= best / 2
 
     signs = 1 - 2 * turned.astype(np.float32)
     gain = 0.5 * np.where(wrong, w_others, -w_others)

@@ -336,7 +336,7 @@ def _places(values: Floats, counts: Ints | None = None) -> Ints:
 
 
 def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> Complexes:
-    """For every step (s,) and bit: the sum of exp(2 pi i phase) over its vertices (s, n_bits), over noise's deviation."""
+    """For every step (s,) and bit: the sum of exp(2 pi i phase) over its vertices (s, n_bits), in units of noise."""
     values, weight = norms[carriers.vertex], trust[carriers.vertex]
     power = np.bincount(carriers.bit, weight**2, minlength=n_bits)
     vectors = np.empty((len(steps), n_bits), np.complex128)
