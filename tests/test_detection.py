@@ -18,7 +18,6 @@ from o3dmark.coding.detection import (
     sign_test,
     threshold,
     weights,
-    wilson_interval,
 )
 from o3dmark.errors import SpecError
 
@@ -199,9 +198,15 @@ def test_a_detection_is_json() -> None:
 
 
 @given(st.integers(1, 10_000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.floats(0.5, 0.999))
-def test_wilson_is_scipys(counts: tuple[int, int], confidence: float) -> None:
-    expected = stats.binomtest(*counts).proportion_ci(confidence, "wilson")
-    assert wilson_interval(*counts, confidence) == pytest.approx((expected.low, expected.high), abs=1e-12)
+def test_the_ends_of_the_interval_are_the_rates_that_the_count_just_speaks_against(
+    counts: tuple[int, int], confidence: float
+) -> None:
+    """Wilson: |successes / trials - p| is z standard deviations of a rate p."""
+    z = stats.norm.ppf((1 + confidence) / 2)
+    rate = Rate(*counts, confidence)
+    for p in rate.interval:
+        assert abs(rate.value - p) == pytest.approx(z * math.sqrt(p * (1 - p) / rate.trials), abs=1e-9)
+    assert 0.0 <= rate.interval[0] <= rate.value <= rate.interval[1] <= 1.0
 
 
 def test_a_rate_keeps_its_counts() -> None:
@@ -215,4 +220,4 @@ def test_a_rate_keeps_its_counts() -> None:
 @pytest.mark.parametrize("counts", [(-1, 3), (4, 3)])
 def test_counts_are_counts(counts: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="out of"):
-        wilson_interval(*counts)
+        Rate(*counts)

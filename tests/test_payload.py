@@ -14,7 +14,7 @@ from scipy import stats
 
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
-from o3dmark.coding.payload import CODES, Code, Decoded, RandomLinear, least_bits, nearest
+from o3dmark.coding.payload import CODES, Code, Decoded, RandomLinear, decode_osd, least_bits
 from o3dmark.errors import SpecError
 from o3dmark.registry import spec_of
 
@@ -88,7 +88,7 @@ def test_generators_have_full_rank(code: Code, k: int, n: int) -> None:
 # ---- correction ----
 
 
-def test_nearest_is_almost_always_the_nearest_of_all() -> None:
+def test_osd_almost_always_finds_the_nearest_codeword() -> None:
     rng = np.random.default_rng(1)
     G = CODE.generator(10, 32)
     codewords = np.array(list(itertools.product([0, 1], repeat=10)), np.uint8) @ G % 2
@@ -96,7 +96,7 @@ def test_nearest_is_almost_always_the_nearest_of_all() -> None:
     for _ in range(500):
         bits, weight = rng.integers(0, 2, 32), rng.exponential(size=32)
         best = ((codewords ^ bits) @ weight).min()
-        found = (nearest(G, bits, weight) @ G % 2 ^ bits) @ weight
+        found = (decode_osd(G, bits, weight) @ G % 2 ^ bits) @ weight
         assert found >= best - 1e-5
         missed += found > best + 1e-5
     assert missed <= 5
@@ -137,9 +137,9 @@ def test_decoding_takes_less_than_50_ms(n: int) -> None:
     rng = np.random.default_rng(n)
 
     def seconds() -> float:
-        start = time.perf_counter()
+        start = time.thread_time()
         CODE.decode(rng.standard_normal(n), KEY)
-        return time.perf_counter() - start
+        return time.thread_time() - start
 
     assert min(seconds() for _ in range(8)) < 0.05
 

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from o3dmark.coding.scs import ScalarCosta, coherence_log10p
+from o3dmark.coding.scs import ScalarCosta, coherence, coherence_log10p
 
 VALUES = st.floats(-100.0, 100.0)
 STEPS = st.floats(1e-3, 10.0)
 GAMMAS = st.floats(0.01, 1.0)
-SHARES = st.floats(0.0, 1.0, exclude_max=True)  # of a step: the dither
+DITHERS = st.floats(0.0, 1.0, exclude_max=True)
 BITS = st.integers(0, 1)
 ROUNDING = 1e-10  # values reach 1e5 steps, doubles have 16 digits
 
@@ -18,69 +18,67 @@ any_value = settings(max_examples=200, deadline=None)
 
 
 @any_value
-@given(VALUES, STEPS, SHARES, BITS)
-def test_codeword_is_the_nearest_of_its_comb(value, step, share, bit):
-    dither = share * step
+@given(VALUES, STEPS, DITHERS, BITS)
+def test_codeword_is_the_nearest_of_its_comb(value, step, dither, bit):
     codeword = ScalarCosta(step).codeword(value, bit, dither)
-    period = np.floor((value - dither - bit * step / 2) / step) + np.arange(-1, 3)
-    comb = period * step + bit * step / 2 + dither
+    comb = (np.floor(value / step - dither - bit / 2) + np.arange(-1, 3) + bit / 2 + dither) * step
     assert abs(codeword - value) == pytest.approx(np.abs(comb - value).min(), abs=ROUNDING)
     assert np.abs(comb - codeword).min() < ROUNDING
 
 
 @any_value
-@given(VALUES, STEPS, SHARES, BITS)
-def test_codeword_of_a_codeword_is_itself(value, step, share, bit):
+@given(VALUES, STEPS, DITHERS, BITS)
+def test_codeword_of_a_codeword_is_itself(value, step, dither, bit):
     scheme = ScalarCosta(step)
-    codeword = scheme.codeword(value, bit, share * step)
-    assert scheme.codeword(codeword, bit, share * step) == pytest.approx(codeword, abs=ROUNDING)
+    codeword = scheme.codeword(value, bit, dither)
+    assert scheme.codeword(codeword, bit, dither) == pytest.approx(codeword, abs=ROUNDING)
 
 
 @any_value
-@given(VALUES, STEPS, SHARES)
-def test_combs_interleave_at_half_a_step(value, step, share):
+@given(VALUES, STEPS, DITHERS)
+def test_combs_interleave_at_half_a_step(value, step, dither):
     scheme = ScalarCosta(step)
-    zero, one = (scheme.codeword(value, bit, share * step) for bit in (0, 1))
+    zero, one = (scheme.codeword(value, bit, dither) for bit in (0, 1))
     assert abs(zero - one) == pytest.approx(step / 2, abs=ROUNDING)
 
 
 @any_value
-@given(VALUES, STEPS, GAMMAS, SHARES, BITS)
-def test_embedding_moves_by_half_a_step_times_gamma_at_most(value, step, gamma, share, bit):
-    moved = ScalarCosta(step, gamma).embed(value, bit, share * step) - value
+@given(VALUES, STEPS, GAMMAS, DITHERS, BITS)
+def test_embedding_moves_by_half_a_step_times_gamma_at_most(value, step, gamma, dither, bit):
+    moved = ScalarCosta(step, gamma).embed(value, bit, dither) - value
     assert abs(moved) <= gamma * step / 2 + ROUNDING
 
 
 @any_value
-@given(VALUES, STEPS, GAMMAS, SHARES, BITS)
-def test_what_is_left_to_the_codeword(value, step, gamma, share, bit):
+@given(VALUES, STEPS, GAMMAS, DITHERS, BITS)
+def test_what_is_left_to_the_codeword(value, step, gamma, dither, bit):
     scheme = ScalarCosta(step, gamma)
-    marked = scheme.embed(value, bit, share * step)
-    codeword = scheme.codeword(value, bit, share * step)
+    marked = scheme.embed(value, bit, dither)
+    codeword = scheme.codeword(value, bit, dither)
     assert abs(codeword - marked) <= (1 - gamma) * step / 2 + ROUNDING
     assert codeword - marked == pytest.approx((1 - gamma) * (codeword - value), abs=ROUNDING)
 
 
 @any_value
-@given(VALUES, STEPS, SHARES, BITS, st.floats(-0.2499, 0.2499))
-def test_a_disturbance_below_a_quarter_step_is_survived(value, step, share, bit, noise):
+@given(VALUES, STEPS, DITHERS, BITS, st.floats(-0.2499, 0.2499))
+def test_a_disturbance_below_a_quarter_step_is_survived(value, step, dither, bit, noise):
     scheme = ScalarCosta(step)
-    marked = scheme.embed(value, bit, share * step) + noise * step
-    assert scheme.decide(marked, share * step) == bit
+    marked = scheme.embed(value, bit, dither) + noise * step
+    assert scheme.decide(marked, dither) == bit
 
 
 @any_value
-@given(VALUES, STEPS, SHARES, BITS, st.floats(0.2501, 0.7499))
-def test_a_larger_one_is_not(value, step, share, bit, noise):
+@given(VALUES, STEPS, DITHERS, BITS, st.floats(0.2501, 0.7499))
+def test_a_larger_one_is_not(value, step, dither, bit, noise):
     scheme = ScalarCosta(step)
-    assert scheme.decide(scheme.embed(value, bit, share * step) + noise * step, share * step) == 1 - bit
+    assert scheme.decide(scheme.embed(value, bit, dither) + noise * step, dither) == 1 - bit
 
 
 @any_value
-@given(VALUES, STEPS, st.floats(0.51, 1.0), SHARES, BITS)
-def test_above_half_way_every_value_is_read_right(value, step, gamma, share, bit):
+@given(VALUES, STEPS, st.floats(0.51, 1.0), DITHERS, BITS)
+def test_above_half_way_every_value_is_read_right(value, step, gamma, dither, bit):
     scheme = ScalarCosta(step, gamma)
-    assert scheme.decide(scheme.embed(value, bit, share * step), share * step) == bit
+    assert scheme.decide(scheme.embed(value, bit, dither), dither) == bit
 
 
 def test_at_half_way_some_values_reach_the_boundary():
@@ -90,26 +88,26 @@ def test_at_half_way_some_values_reach_the_boundary():
 
 
 @any_value
-@given(VALUES, STEPS, GAMMAS, SHARES, BITS)
-def test_period_and_shift(value, step, gamma, share, bit):
+@given(VALUES, STEPS, GAMMAS, DITHERS, BITS)
+def test_period_and_shift(value, step, gamma, dither, bit):
     """A step more moves the codeword along; so does a shift of value and dither together; half a step turns a bit."""
-    scheme, dither = ScalarCosta(step, gamma), share * step
+    scheme = ScalarCosta(step, gamma)
     soft, codeword = scheme.soft(value, dither), scheme.codeword(value, bit, dither)
     tolerance = 2 * np.pi / step * ROUNDING
     assert scheme.soft(value + step, dither) == pytest.approx(soft, abs=tolerance)
     assert scheme.soft(value + step / 2, dither) == pytest.approx(-soft, abs=tolerance)
-    assert scheme.soft(value + 0.3, dither + 0.3) == pytest.approx(soft, abs=tolerance)
+    assert scheme.soft(value + 0.3, dither + 0.3 / step) == pytest.approx(soft, abs=tolerance)
     if abs(abs(codeword - value) - step / 2) > 1e-6 * step:  # not half way between two codewords
         assert scheme.codeword(value + step, bit, dither) == pytest.approx(codeword + step, abs=ROUNDING)
-        assert scheme.embed(value + 0.3, bit, dither + 0.3) == pytest.approx(
+        assert scheme.embed(value + 0.3, bit, dither + 0.3 / step) == pytest.approx(
             scheme.embed(value, bit, dither) + 0.3, abs=ROUNDING
         )
 
 
 @any_value
-@given(VALUES, STEPS, SHARES)
-def test_the_sign_of_soft_is_the_nearer_comb(value, step, share):
-    scheme, dither = ScalarCosta(step), share * step
+@given(VALUES, STEPS, DITHERS)
+def test_the_sign_of_soft_is_the_nearer_comb(value, step, dither):
+    scheme = ScalarCosta(step)
     zero, one = (abs(scheme.codeword(value, bit, dither) - value) for bit in (0, 1))
     soft = float(scheme.soft(value, dither))
     assert -1 <= soft <= 1
@@ -121,7 +119,8 @@ def test_the_sign_of_soft_is_the_nearer_comb(value, step, share):
 def test_soft_values_by_hand():
     values = 0.1 + np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     np.testing.assert_allclose(ScalarCosta(1.0).soft(values, 0.1), [-1, 0, 1, 0, -1], atol=1e-15)
-    np.testing.assert_allclose(ScalarCosta(1.0).phase(values, 0.1), np.pi * np.array([0, 0.5, 1, 1.5, 2]))
+    np.testing.assert_allclose(ScalarCosta(1.0).phase(values, 0.1), [0, 0.25, 0.5, 0.75, 1], atol=1e-15)
+    np.testing.assert_allclose(ScalarCosta(4.0).soft(4.0 * values, 0.1), [-1, 0, 1, 0, -1], atol=1e-15)
 
 
 def test_arrays_are_broadcast_and_stay_as_they_are():
@@ -136,18 +135,24 @@ def test_arrays_are_broadcast_and_stay_as_they_are():
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf])
-def test_steps_that_are_none(step):
+def test_impossible_steps_are_refused(step):
     with pytest.raises(ValueError, match=f"step.*{step}"):
         ScalarCosta(step)
 
 
 @pytest.mark.parametrize("gamma", [0.0, -0.5, 1.01, np.nan])
-def test_gammas_that_are_none(gamma):
+def test_impossible_gammas_are_refused(gamma):
     with pytest.raises(ValueError, match=f"gamma.*{gamma}"):
         ScalarCosta(1.0, gamma)
 
 
 # Coherence
+
+
+def test_coherence_is_one_on_codewords_of_either_bit_and_minus_one_between_them():
+    np.testing.assert_allclose(coherence(np.array([[0.0, 0.5, 3.0], [0.25, 0.75, -0.25]])), [1, -1])
+    assert abs(coherence(np.random.default_rng(0).random(10_000))) < 0.03
+
 
 WEIGHTS = {
     "one": np.ones(1),

@@ -216,7 +216,7 @@ def test_plans_lead_to_codewords_keep_within_their_limit_and_come_widest_margin_
         assert missed <= 0.25 - plan.margin / plan.step + 1e-9
         assert plan.size == pytest.approx(np.sqrt(plan.change @ cost @ plan.change))
         assert plan.size <= limit
-        nearest = ScalarCosta(plan.step).codeword(values, bits, plan.step * dither) - values
+        nearest = ScalarCosta(plan.step).codeword(values, bits, dither) - values
         assert plan.size**2 < nearest @ cost @ nearest
 
 

@@ -9,7 +9,6 @@ p-values travel as log10, so that none underflows. All logarithms are base 10 an
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -50,11 +49,15 @@ class Detection:
 
 @dataclass(frozen=True)
 class Rate:
-    """``successes`` out of ``trials``, with Wilson's interval."""
+    """``successes`` out of ``trials``, with Wilson's interval. Errors: ValueError unless 0 <= successes <= trials."""
 
     successes: int
     trials: int
     confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.successes <= self.trials:
+            raise ValueError(f"{self.successes} successes out of {self.trials} trials")
 
     @property
     def value(self) -> float:
@@ -63,8 +66,13 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Lower and upper end of the Wilson interval."""
-        return wilson_interval(self.successes, self.trials, self.confidence)
+        """Lower and upper end of Wilson's score interval (1927); (0, 1) without trials."""
+        from scipy.stats import binomtest  # half a second, which no reading should wait for
+
+        if not self.trials:
+            return 0.0, 1.0
+        found = binomtest(self.successes, self.trials).proportion_ci(self.confidence, method="wilson")
+        return float(found.low), float(found.high)
 
 
 def detect(soft: ArrayLike, bits: ArrayLike, *, false_positive_rate: float = 1e-6, hypotheses: int = 1) -> Detection:
@@ -140,21 +148,6 @@ def threshold(false_positive_rate: float, n_bits: int) -> int:
         matches -= 1
         patterns += math.comb(n_bits, matches)
     return matches
-
-
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval (1927) of a rate; (0, 1) without trials. Errors: ValueError for counts that are none."""
-    if not 0 <= successes <= trials:
-        raise ValueError(f"{successes} successes out of {trials} trials")
-    if trials == 0:
-        return 0.0, 1.0
-    z = NormalDist().inv_cdf((1 + confidence) / 2)
-    rate, shrink = successes / trials, 1 / (1 + z * z / trials)
-    centre = rate + z * z / (2 * trials)
-    half = z * math.sqrt(rate * (1 - rate) / trials + (z / (2 * trials)) ** 2)
-    low = 0.0 if successes == 0 else shrink * (centre - half)
-    high = 1.0 if successes == trials else shrink * (centre + half)
-    return low, high
 
 
 def _pair(soft: ArrayLike, bits: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

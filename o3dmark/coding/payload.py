@@ -18,12 +18,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from o3dmark.arrays import Bits
 from o3dmark.coding.detection import Detection, detect, weights
 from o3dmark.coding.keys import Key, Stream
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, option
-
-Bits = NDArray[np.uint8]
 
 CODES: "Registry[Code]" = Registry("code")
 
@@ -31,7 +30,7 @@ _SIZES = (1, 2, 4, 8, 16, 32)  # bytes that a frame can hold
 _KIND_BITS = 2
 _TEXT, _FULL, _SHORT = range(3)  # UTF-8 and zeros; bytes that fill the frame; bytes, 0x80 and zeros
 _PROOF_BITS = 19  # what an errorless reading must leave over for its p-value: 2^-19, or 2e-6
-_SEARCH = 32  # how many of the least trusted basis bits are flipped in pairs
+_SEARCH = 32  # of the least trusted basis bits are flipped in pairs: 1 word of 32 bits in 100 is missed, in some 10 ms
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class Code(abc.ABC):
         sizes = _SIZES if self.message_bytes is None else (self.message_bytes,)
         fitting = [size for size in sizes if least_bits(size) <= n_bits]
         if not fitting:
-            raise SpecError(f"{n_bits} bits carry no message of {sizes[0]} bytes; {_ladder()}")
+            raise SpecError(f"{n_bits} bits carry no message of {sizes[0]} bytes; {_needs()}")
         return fitting[-1]
 
     def encode(self, message: str, n_bits: int, key: Key) -> Bits:
@@ -104,7 +103,7 @@ class Code(abc.ABC):
         Errors: SpecError when the message is empty, malformed or too long; says how many bits it needs.
         """
         size = self.frame_bytes(n_bits)
-        return _times(_frame(message, size), self.generator(_k(size), n_bits)) ^ _whitening(key, n_bits)
+        return gf2_matmul(_frame(message, size), self.generator(_k(size), n_bits)) ^ _whitening(key, n_bits)
 
     def decode(self, soft: ArrayLike, key: Key, *, hypotheses: int = 1, false_positive_rate: float = 1e-4) -> Decoded:
         """The message in soft bits (n,): sign is the bit, magnitude the trust in it.
@@ -116,8 +115,8 @@ class Code(abc.ABC):
         n_bits = len(values)
         size = self.frame_bytes(n_bits)
         G, white = self.generator(_k(size), n_bits), _whitening(key, n_bits)
-        frame = nearest(G, (values > 0) ^ white, weights(values))
-        bits = _times(frame, G) ^ white
+        frame = decode_osd(G, (values > 0) ^ white, weights(values))
+        bits = gf2_matmul(frame, G) ^ white
         charged = int(hypotheses) << len(frame)
         detection = detect(values, bits, false_positive_rate=false_positive_rate, hypotheses=charged)
         return Decoded(_unframe(frame) if detection.present else None, detection)
@@ -149,30 +148,29 @@ def least_bits(message_bytes: int) -> int:
     return k + k // 3 + _PROOF_BITS
 
 
-def nearest(G: Bits, bits: ArrayLike, weight: ArrayLike) -> Bits:
+def decode_osd(G: Bits, bits: ArrayLike, weight: ArrayLike) -> Bits:
     """The information word (k,) whose codeword differs from ``bits`` (n,) in the least total ``weight`` (n,).
 
-    Ordered statistics (Fossorier and Lin 1995): the k most trusted independent bits, the basis, determine a codeword;
-    every way to flip up to four of them, two and two, is weighed. Nearly, not always, the optimum: pairs are taken
-    among the 32 least trusted of the k.
+    Ordered-statistics decoding (Fossorier and Lin 1995): the k most trusted independent bits, the basis, determine a
+    codeword; every way to flip up to four of them, as two patterns of one or two, is weighed. Nearly, not always, the
+    optimum: pairs are taken among the 32 least trusted of the k.
     """
     y, w = np.asarray(bits, np.uint8), np.asarray(weight, np.float32)
     k, n = G.shape
-    A, basis = _eliminate(np.hstack([G, np.eye(k, dtype=np.uint8)]), np.argsort(-w, kind="stable"))
+    A, basis = row_reduce(np.hstack([G, np.eye(k, dtype=np.uint8)]), np.argsort(-w, kind="stable"))
     others = np.setdiff1d(np.arange(n), basis)
     P, back = A[:, others], A[:, n:]  # basis bits -> the other bits; basis bits -> information word
-    wrong, w_others = _times(y[basis], P) ^ y[others], w[others]
+    wrong, w_others = gf2_matmul(y[basis], P) ^ y[others], w[others]
 
     flips = _flips(k)
     price = np.append(w[basis], np.float32(0))[flips].sum(axis=1)
     parity = np.vstack([P, np.zeros_like(P[:1])])[flips]
     turned = parity[:, 0] ^ parity[:, 1]
-    best = (
-        price + np.einsum("ij,j->i", turned ^ wrong, w_others)
-    ).min()  # of one pair alone; no part of a better two costs more,
+    # of two patterns that beat the best single one, neither costs more in the basis, and one costs half at most
+    best = (price + np.einsum("ij,j->i", turned ^ wrong, w_others)).min()
     cheap = price <= best
     flips, price, turned = flips[cheap], price[cheap], turned[cheap]
-    half = price <= best / 2  # and one of the parts costs half of it at most
+    half = price <= best / 2
 
     signs = 1 - 2 * turned.astype(np.float32)
     gain = 0.5 * np.where(wrong, w_others, -w_others)
@@ -181,15 +179,15 @@ def nearest(G: Bits, bits: ArrayLike, weight: ArrayLike) -> Bits:
     total = price[half, None] + price + np.einsum("ik,kj->ij", signs[half] * gain, signs.T.copy())
     first, second = np.unravel_index(np.argmin(total), total.shape)
     flipped = np.bincount(np.concatenate([flips[half][first], flips[second]]), minlength=k + 1)[:k] & 1
-    return _times(y[basis] ^ flipped.astype(np.uint8), back)
+    return gf2_matmul(y[basis] ^ flipped.astype(np.uint8), back)
 
 
-def _times(X: Bits, Y: Bits) -> Bits:
-    """X Y over GF(2). Sums of uint8 wrap at 256, which leaves their parity alone."""
+def gf2_matmul(X: Bits, Y: Bits) -> Bits:
+    """The matrix product over GF(2). Sums of uint8 wrap at 256, which leaves their parity alone."""
     return np.asarray(X @ Y & 1, np.uint8)
 
 
-def _eliminate(A: Bits, order: NDArray[np.intp]) -> tuple[Bits, list[int]]:
+def row_reduce(A: Bits, order: NDArray[np.intp]) -> tuple[Bits, list[int]]:
     """Reduce A over GF(2) so that its first k independent columns in ``order`` are the identity; returns both."""
     basis: list[int] = []
     for column in order.tolist():
@@ -230,7 +228,8 @@ def _whitening(key: Key, n_bits: int) -> Bits:
     return key.stream("payload/whitening").bits(n_bits)
 
 
-def _ladder() -> str:
+def _needs() -> str:
+    """Which bits carry which messages, for error texts."""
     return "it takes " + ", ".join(f"{least_bits(size)} bits for {size}" for size in _SIZES)
 
 
@@ -252,7 +251,7 @@ def _frame(message: str, size: int) -> Bits:
     if not content:
         raise SpecError("the message is empty")
     if len(content) > size:
-        raise SpecError(f"the message is {len(content)} bytes long, {size} fit; {_ladder()}")
+        raise SpecError(f"the message is {len(content)} bytes long, {size} fit; {_needs()}")
     padded = (content + end).ljust(size, b"\0")
     return np.unpackbits(np.frombuffer(bytes([kind]) + padded, np.uint8))[8 - _KIND_BITS :]
 

@@ -204,7 +204,7 @@ class SaliencySCS(Method):
         def reconstructed(step: float) -> Floats:
             scs, moved = ScalarCosta(step, self.gamma), carriers.vertex
             vertices, norms = surface.vertices.copy(), spherical.norms.copy()
-            norms[moved] = scs.embed(norms[moved], message[carriers.bit], step * carriers.dither)
+            norms[moved] = scs.embed(norms[moved], message[carriers.bit], carriers.dither)
             vertices[moved] = spherical.vertices(norms)[moved]  # the others keep every bit of their coordinates
             return vertices
 
@@ -336,14 +336,14 @@ def _places(values: Floats, counts: Ints | None = None) -> Ints:
 
 
 def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> Complexes:
-    """For every step (s,) and bit: the sum of exp(i phase) over its vertices (s, n_bits), in deviations of noise."""
+    """For every step (s,) and bit: the sum of exp(2 pi i phase) over its vertices (s, n_bits), in units of noise."""
     values, weight = norms[carriers.vertex], trust[carriers.vertex]
     power = np.bincount(carriers.bit, weight**2, minlength=n_bits)
     vectors = np.empty((len(steps), n_bits), np.complex128)
     for row, step in zip(vectors, steps, strict=True):
-        phase = ScalarCosta(step).phase(values, step * carriers.dither)
-        row.real = np.bincount(carriers.bit, weight * np.cos(phase), minlength=n_bits)
-        row.imag = np.bincount(carriers.bit, weight * np.sin(phase), minlength=n_bits)
+        angle = 2.0 * np.pi * ScalarCosta(step).phase(values, carriers.dither)
+        row.real = np.bincount(carriers.bit, weight * np.cos(angle), minlength=n_bits)
+        row.imag = np.bincount(carriers.bit, weight * np.sin(angle), minlength=n_bits)
     return vectors / np.sqrt(np.where(power > 0, power, 1.0) / 2.0)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.coding.detection import wilson_interval
+from o3dmark.coding.detection import Rate
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def bit_errors(embedded: ArrayLike, extracted: ArrayLike, *, confidence: float =
         raise ValueError(f"confidence should lie between 0 and 1, not {confidence}")
     w, read = _strings(embedded, extracted)
     n, errors = len(w), int(np.sum(w != read))
-    return BitErrors(n, errors, errors / n, *wilson_interval(errors, n, confidence))
+    return BitErrors(n, errors, errors / n, *Rate(errors, n, confidence).interval)
 
 
 def _strings(embedded: ArrayLike, extracted: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

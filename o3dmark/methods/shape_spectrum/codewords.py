@@ -51,7 +51,7 @@ def plans(comb: Comb, steps: Floats, slack: float, limit: float) -> Iterator[Pla
     for step in map(float, steps):
         while waiting and waiting[0].margin >= 0.25 * step:
             yield waiting.pop(0)
-        codeword = ScalarCosta(step).codeword(comb.values, comb.bits, step * comb.dither)
+        codeword = ScalarCosta(step).codeword(comb.values, comb.bits, comb.dither)
         nearest = _nearest(codeword - comb.values, step, comb.metric)
         waiting += (plan for plan in _with_slack(nearest, step, comb.metric, slack, limit) if plan.size <= limit)
         waiting.sort(key=lambda plan: -plan.margin)
