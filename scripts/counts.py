@@ -31,7 +31,7 @@ def messages(result: Results) -> Lines:
             _share([row for row in result.attacked(who) if row.group != CROPPING], "message_ok"),
             _share(result.controls(who, WRONG_KEY), "message_read"),
         ]
-        for who in result.contestants
+        for who in result.entries
     ]
     return ["method", "messages read after all attacks but cropping", "messages read under wrong keys"], lines
 
@@ -40,7 +40,7 @@ def wrong_keys(all_results: Sequence[Results]) -> Lines:
     """How many p-values under wrong keys, and of unmarked meshes, are as small as each rate; how many may be."""
     lines = []
     for result in all_results:
-        for who in result.contestants:
+        for who in result.entries:
             for control in (WRONG_KEY, UNMARKED):
                 read = [row for row in result.controls(who, control) if row.failure is None]
                 for kind, field in P_VALUES.items():
@@ -53,13 +53,13 @@ def wrong_keys(all_results: Sequence[Results]) -> Lines:
 
 def any_mesh(result: Results) -> Lines:
     """How many meshes can be marked, and of how many every bit is read in each condition; which are the others."""
-    untouched = [row for who in result.contestants for row in result.of(who, UNTOUCHED)]
+    untouched = [row for who in result.entries for row in result.of(who, UNTOUCHED)]
     refused = [row for row in untouched if row.failure and row.failure.startswith("marking:")]
     lines = [["marked", f"{len(untouched) - len(refused)} of {len(untouched)}", ""]]
     kinds = Counter((row.failure or "").split(": ")[1] for row in refused)
     lines += [["refused", str(count), kind] for kind, count in kinds.most_common()]
     for group, condition in [(UNTOUCHED, "-"), *result.conditions]:
-        read = [row for who in result.contestants for row in result.of(who, group, condition) if row not in refused]
+        read = [row for who in result.entries for row in result.of(who, group, condition) if row not in refused]
         read = [row for row in read if not (row.failure or "").startswith("marking:")]
         others = ", ".join(inline(row.mesh) for row in read if row.bit_errors != 0)
         name = group if group == UNTOUCHED else condition

@@ -52,10 +52,8 @@ def main() -> int:
         taken = f"{time.perf_counter() - begun:.1f}"
         corrected = "-" if reading.decoded.corrected_bits is None else f"{reading.decoded.corrected_bits} of 64"
         table.add_row(journey, reading.message or "[red]not found[/]", corrected, f"{reading.p_value:.1e}", taken)
-    stranger = watermark.extract(marked, Key.generate())
-    table.add_row(
-        "nothing, but another key", stranger.message or "none, as it should be", "-", f"{stranger.p_value:.1e}"
-    )
+    other = watermark.extract(marked, Key.generate())
+    table.add_row("nothing, but another key", other.message or "none, as it should be", "-", f"{other.p_value:.1e}")
     console.print(table)
 
     distance = surface_distance(cover, marked)

@@ -3,7 +3,7 @@
     python scripts/oracle_table.py ORACLE_FOLDER [PAIR_PREFIX ...]
 
 ORACLE_FOLDER holds pairs.csv (pair, original, distorted), pairs/*.ply, and metrics.csv (pair, metric, value, tool),
-computed on 2026-11-22. results/oracle.csv is this script's output for all pairs; tests/golden/metrics_spot.csv is that
+computed on 2026-11-22. results/oracle/rows.csv is its output for all pairs; tests/golden/metrics_spot.csv is that
 for the pairs whose meshes lie beside it:
 
     python scripts/oracle_table.py ORACLE_FOLDER spot_gauss0.1 spot_unif0.5 spot_lap10 spot_quant8

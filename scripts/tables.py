@@ -31,7 +31,7 @@ from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
 from o3dmark.report.cost import cost, measure
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.markdown import inline, table_lines
 from o3dmark.report.summary import corr, mean
 from o3dmark.report.tables import published_conditions
@@ -46,7 +46,7 @@ PROFILES = {  # tables of the same kind
     "slender results": ("slender", "slender_small"),
     "invisible results": ("invisible", "invisible_small"),
 }
-Column = tuple[Results, Contestant, str]  # a mesh under one method and number of bits
+Column = tuple[Results, Entry, str]  # a mesh under one method and number of bits
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -183,9 +183,9 @@ def grid(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> s
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def own(result: Results) -> list[Contestant]:
+def own(result: Results) -> list[Entry]:
     """The campaign's own method, with each number of bits, the fewest first."""
-    return sorted((who for who in result.contestants if who.label == result.campaign.main), key=lambda who: who.n_bits)
+    return sorted((who for who in result.entries if who.label == result.campaign.main), key=lambda who: who.n_bits)
 
 
 def lines_of(folders: Sequence[str]) -> list[tuple[str, str]]:
@@ -306,9 +306,7 @@ def summary_table() -> str:
     result = results("paper")
     table = published_conditions(result)
     last = {group: number for number, (group, _) in enumerate(result.compared, start=1)}
-    shown = [
-        n for n, who in enumerate(result.contestants, start=2) if who.label in ("saliency-scs", result.campaign.main)
-    ]
+    shown = [n for n, who in enumerate(result.entries, start=2) if who.label in ("saliency-scs", result.campaign.main)]
     cells = [[table.rows[n][column].text for column in (0, 1, *shown)] for n in (0, *last.values())]
     return grid([table.head[column] for column in (0, 1, *shown)], cells)
 

@@ -12,9 +12,10 @@ import pytest
 
 from fixtures.small_campaign import TOML, campaign, ring
 from o3dmark.attacks import ATTACKS, Attack
-from o3dmark.campaign import Job, Row, Source, read_campaign, run_job
+from o3dmark.campaign import Job, Plugin, Row, Source, read_campaign, run_job
 from o3dmark.campaign.checks import checked_attacks
 from o3dmark.campaign.plan import Case
+from o3dmark.campaign.spec_file import SPECS
 from o3dmark.campaign.specimen import Specimen, key_of
 from o3dmark.coding.detection import detect
 from o3dmark.files import write_mesh
@@ -224,6 +225,15 @@ def test_an_attack_that_fails_is_a_row_and_spoils_no_other(tmp_path: Path, way: 
     assert rows[2].corr is rows[2].bit_errors is rows[2].seconds is None
     assert all((row.metrics["mrms"] or 0) > 0 for row in rows)
     assert rows[4].bit_errors == 0
+
+
+def test_a_metric_that_has_no_value_says_why(tmp_path: Path) -> None:
+    plugins = (Plugin.of(SPECS / "attack_sweep.py"),)
+    job = dataclasses.replace(job_of(tmp_path), method="nothing", plugins=plugins, metrics=("mrms", "snr"))
+    for row in run_job(job).rows:
+        assert row.metrics == {"mrms": pytest.approx(0.0, abs=1e-12), "snr": None, "hausdorff": None, "msdm": None}
+        assert row.cost_failure == "snr: inf is no number that can be kept"
+        assert row.failure is None
 
 
 def test_a_refusal_is_told_from_a_failure(tmp_path: Path) -> None:

@@ -2,11 +2,14 @@
 
 import json
 import re
+import subprocess
+import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
-from fixtures.paths import GOLDEN
+from fixtures.paths import GOLDEN, ROOT
 from fixtures.small_campaign import TOML, campaign, ring
 from o3dmark.campaign import Campaign, Gallery, find_spec, read_campaign
 from o3dmark.campaign.spec_file import SPECS, figures
@@ -191,6 +194,15 @@ def test_every_model_of_the_paper_is_compared_under_its_name() -> None:
     """A mesh is compared with the figures of its own name alone, so the names have to be those."""
     models = {line["model"] for line in figures((SPECS / "hamidi2019.csv").read_text())}
     assert {mesh.name for mesh in read_campaign(find_spec("paper")).meshes} == models
+
+
+def test_the_wheel_holds_the_campaigns(tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
+    assert {Path("o3dmark/campaign/specs") / path.name for path in SPECS.glob("*.*")} <= names
+    assert len(NAMES) > 10
 
 
 def test_the_format_is_told_of_in_one_place() -> None:

@@ -1,23 +1,22 @@
 """Every reading tried is charged: what is chosen among many must be that much better than what stands alone."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from fixtures.shapes import bits_of, icosphere
+from fixtures.shapes import icosphere
 from o3dmark.coding.detection import detect
 from o3dmark.coding.keys import Key
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.watermark import Watermark
 
 MESSAGE, N_BITS = "spot", 64
-QUICK = {"shape-spectrum": "shape-spectrum:highest=8,rungs=20"}  # the same method with less to try
-QUICKER = {"shape-spectrum": "shape-spectrum:highest=6,rungs=6"}
+QUICK = {"shape-spectrum": "shape-spectrum:highest=6,rungs=6"}  # the same method with less to try
 
 
 @dataclass(frozen=True)
@@ -79,30 +78,14 @@ def test_raw_bits_are_charged_alike(key: Key) -> None:
         assert extraction.detect(bits).log10_p == pytest.approx(alone + math.log10(count))
 
 
-@pytest.fixture(scope="module")
-def egg() -> TriangleMesh:
-    """642 vertices and no symmetry: a mesh that both methods read in vain within seconds."""
-    vertices, triangles = icosphere(3)
-    return triangle_mesh((vertices + 0.25 * np.roll(vertices, 1, axis=1) ** 2) * [1.0, 1.3, 1.7], triangles)
-
-
 @pytest.mark.parametrize("name", list(METHODS))
-def test_no_method_keeps_more_readings_than_it_counts(name: str, egg: TriangleMesh, key: Key) -> None:
+def test_no_method_keeps_more_readings_than_it_counts(name: str, key: Key) -> None:
     """In vain, when all has been tried: the bits that were chosen are among those that were counted."""
-    read = METHODS.make(QUICKER.get(name, name)).extract(egg, 16, key)
+    vertices, triangles = icosphere(3)
+    egg = triangle_mesh((vertices + 0.25 * np.roll(vertices, 1, axis=1) ** 2) * [1.0, 1.3, 1.7], triangles)
+    read = METHODS.make(QUICK.get(name, name)).extract(egg, 16, key)
     assert read.hypotheses > 1000
     if read.readings is not None:
         assert len(read.readings) == read.hypotheses
         assert np.abs(read.readings - read.soft).max(axis=1).min() < 1e-6
         assert len(np.unique(read.readings, axis=0)) > 0.9 * read.hypotheses
-
-
-@pytest.mark.parametrize("name", list(METHODS))
-def test_wrong_keys_are_seldom_significant(name: str, egg: TriangleMesh, key: Key) -> None:
-    """Of p-values below 0.1 a tenth is expected under wrong keys, and none of one in a thousand."""
-    method, bits = replace(METHODS.make(QUICK.get(name, name)), search=False), bits_of(5, 24)  # type: ignore[call-arg]
-    seen = method.observe(method.embed(egg, bits, key))
-    p = [method.extract(seen, 24, Key(bytes([i] * 32))).detect(bits).p_value for i in range(20)]
-    assert np.mean(np.array(p) < 0.1) < 0.3
-    assert min(p) > 1e-3
-    assert method.extract(seen, 24, key).detect(bits).p_value < 1e-3

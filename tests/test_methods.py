@@ -17,40 +17,67 @@ from o3dmark.registry import spec_of
 pytestmark = pytest.mark.parametrize("name", list(METHODS))
 
 
-def test_reads_what_it_wrote_and_leaves_the_cover_alone(name: str, carrier: Any, key: Key) -> None:
-    method, bits, before = METHODS.make(name), bits_of(1), mesh_arrays(carrier)
-    marked = method.embed(carrier, bits, key)
-    for kept, given in zip(before, mesh_arrays(carrier), strict=True):
-        np.testing.assert_array_equal(kept, given)
-    np.testing.assert_array_equal(mesh_arrays(marked)[1], before[1])
-    assert not np.array_equal(mesh_arrays(marked)[0], before[0])
-    extraction = method.extract(marked, len(bits), key)
-    np.testing.assert_array_equal(extraction.bits, bits)
+BITS = bits_of(1)
+
+
+@pytest.fixture(scope="module")
+def marks(carrier: Any, key: Key) -> dict[str, Any]:
+    """The carrier with BITS by the name of the method, marked when first asked for."""
+
+    class Marks(dict[str, Any]):
+        def __missing__(self, name: str) -> Any:
+            self[name] = METHODS.make(name).embed(carrier, BITS, key)
+            return self[name]
+
+    return Marks()
+
+
+def test_reads_what_it_wrote(name: str, marks: dict[str, Any], key: Key) -> None:
+    extraction = METHODS.make(name).extract(marks[name], len(BITS), key)
+    np.testing.assert_array_equal(extraction.bits, BITS)
     assert extraction.hypotheses >= 1
 
 
-def test_same_input_same_mark(name: str, carrier: Any, key: Key) -> None:
+def test_leaves_the_cover_alone_and_marks_it_alike_each_time(
+    name: str, carrier: Any, marks: dict[str, Any], key: Key
+) -> None:
+    before, first = mesh_arrays(carrier), mesh_arrays(marks[name])
+    again = mesh_arrays(METHODS.make(name).embed(carrier, BITS, key))
+    for kept, given in zip(before, mesh_arrays(carrier), strict=True):
+        np.testing.assert_array_equal(kept, given)
+    np.testing.assert_array_equal(first[1], before[1])
+    assert not np.array_equal(first[0], before[0])
+    np.testing.assert_array_equal(first[0], again[0])
+
+
+def test_every_claim_holds(name: str, marks: dict[str, Any], key: Key) -> None:
     method = METHODS.make(name)
-    first, second = (mesh_arrays(method.embed(carrier, bits_of(2), key))[0] for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-
-
-def test_every_claim_holds(name: str, carrier: Any, key: Key) -> None:
-    method, bits = METHODS.make(name), bits_of(3)
-    marked = method.embed(carrier, bits, key)
+    assert {"identity", "reorder", "similarity"} <= set(method.claims)
     for claim in method.claims:
-        attacked = attack_all(marked, [claim], 7)
-        np.testing.assert_array_equal(method.extract(attacked, len(bits), key).bits, bits, err_msg=claim)
+        attacked = attack_all(marks[name], [claim], 7)
+        np.testing.assert_array_equal(method.extract(attacked, len(BITS), key).bits, BITS, err_msg=claim)
 
 
-def test_a_wrong_key_reads_noise(name: str, carrier: Any, key: Key) -> None:
-    method, bits = METHODS.make(f"{name}:search=false"), bits_of(4)
-    marked = method.embed(carrier, bits, key)
-    matches = [
-        np.count_nonzero(method.extract(marked, 16, Key(hashlib.sha256(bytes([9, i])).digest())).bits == bits)
-        for i in range(20)
-    ]
-    assert abs(np.mean(matches) - 8) < 2  # 8 expected, standard error 0.45
+def test_a_wrong_key_reads_noise(name: str, marks: dict[str, Any], key: Key) -> None:
+    """Half of the bits, and no p-values that chance would not bring: below 0.1 in a tenth of the cases."""
+    method = METHODS.make(f"{name}:search=false")
+    seen = method.observe(marks[name])
+    strangers = [Key(hashlib.sha256(bytes([9, i])).digest()) for i in range(20)]
+    found = [method.extract(seen, 16, stranger) for stranger in strangers]
+    assert abs(np.mean([np.count_nonzero(each.bits == BITS) for each in found]) - 8) < 2  # standard error 0.45
+    p = np.array([each.detect(BITS).p_value for each in found])
+    assert np.mean(p < 0.1) < 0.3
+    assert p.min() > 2e-3
+    assert method.extract(seen, 16, key).detect(BITS).p_value < 2e-3
+
+
+def test_observing_a_mesh_once_serves_every_key(name: str, marks: dict[str, Any], key: Key) -> None:
+    method = METHODS.make(f"{name}:search=false")
+    seen = method.observe(marks[name])
+    for secret in (Key(bytes(32)), key, Key(bytes(32))):
+        once, anew = method.extract(seen, 16, secret), method.extract(marks[name], 16, secret)
+        np.testing.assert_array_equal(once.soft, anew.soft)
+        assert once.hypotheses == anew.hypotheses
 
 
 def test_too_many_bits_say_how_many_fit(name: str, key: Key) -> None:

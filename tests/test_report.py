@@ -195,7 +195,7 @@ def test_methods_are_described_as_the_campaign_kept_it(plain: Path) -> None:
     assert methods["second"]["its reader needs"] == "key alone (blind)"
 
 
-def test_several_numbers_of_bits_are_several_contestants(tmp_path: Path) -> None:
+def test_several_numbers_of_bits_are_several_entrys(tmp_path: Path) -> None:
     write_report(keep(tmp_path, replace(PLAIN, bits=(16, 64))))
     names = [row[""] for row in tables(tmp_path)["At a glance"]]
     assert names == ["first, 16 bits", "first, 64 bits", "second, 16 bits", "second, 64 bits"]

@@ -66,7 +66,7 @@ def test_each_kind_of_control_has_its_own_tables(tmp_path: Path) -> None:
 def test_controls_of_attacked_meshes_count_too_and_nowhere_else(tmp_path: Path) -> None:
     campaign = replace(PLAIN, controls=("noise",))
     results = Results.load(keep(tmp_path, campaign))
-    first = results.contestants[0]
+    first = results.entries[0]
     assert len(results.controls(first, WRONG_KEY)) == 6 * (2 + 3)
     assert len(results.controls(first, UNMARKED)) == 6 * (1 + 3)
     assert len(results.of(first, "noise")) == 6 * 3

@@ -136,10 +136,10 @@ def test_published_figures_that_are_none_are_refused(text: str, reason: str) -> 
 
 def test_the_papers_figures_are_complete() -> None:
     figures = Published.read((ROOT / "o3dmark" / "campaign" / "specs" / "hamidi2019.csv").read_text(), {})
-    tables = {entry.table for entry in figures.entries}
+    tables = {each.table for each in figures.figures}
     assert {"noise", "smoothing", "reordering", "quantization", "similarity", "subdivision", "cropping"} <= tables
     assert len(figures.models("noise")) == 6
     assert figures.mean_of("noise", "0.50%", figures.models("noise")) == pytest.approx(
         (0.83 + 0.72 + 0.74 + 0.76 + 0.74 + 0.79) / 6
     )
-    assert all(0 < entry.value <= 6 for entry in figures.entries)
+    assert all(0 < each.value <= 6 for each in figures.figures)

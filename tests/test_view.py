@@ -20,6 +20,7 @@ from o3dmark.view import (
     coloured,
     comparison_sheet,
     distance_sheet,
+    jpeg,
     render,
     render_scalars,
     save_png,
@@ -411,6 +412,15 @@ def test_a_png_needs_its_ending_a_folder_and_colours(tmp_path: Path, capfd):
     with pytest.raises(ValueError, match="uint8"):
         save_png(tmp_path / "picture.png", np.zeros((2, 2, 3)))
     assert capfd.readouterr().out == ""
+
+
+def test_a_jpeg_is_the_picture_but_for_what_eyes_do_not_see(tmp_path: Path, spot: TriangleMesh) -> None:
+    image = render(spot, size=(60, 50))
+    (tmp_path / "picture.jpg").write_bytes(jpeg(image))
+    back = np.asarray(o3d.io.read_image(str(tmp_path / "picture.jpg")))
+    assert back.shape == image.shape
+    assert np.abs(back.astype(float) - image).mean() < 4
+    assert len(jpeg(image, 30)) < len(jpeg(image))
 
 
 @pytest.mark.parametrize("display", [None, "", ":4095"])

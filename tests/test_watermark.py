@@ -34,11 +34,11 @@ def test_the_message_comes_back_blindly(marked: Any, key: Key) -> None:
 
 
 def test_a_wrong_key_finds_nothing(marked: Any) -> None:
-    stranger = Key(bytes(31) + b"\1")
-    reading = Watermark().extract(marked, stranger)
+    wrong_key = Key(bytes(31) + b"\1")
+    reading = Watermark().extract(marked, wrong_key)
     assert not reading.found
     assert reading.message is None
-    assert not Watermark().detect(marked, stranger, MESSAGE).present
+    assert not Watermark().detect(marked, wrong_key, MESSAGE).present
 
 
 def test_an_unmarked_mesh_holds_nothing(carrier: Any, key: Key) -> None:

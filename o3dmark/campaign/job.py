@@ -130,7 +130,8 @@ def _cost(job: Job, made: Specimen) -> dict[str, Any]:
     for metric in map(METRICS.make, job.metrics):
         try:
             value = float(metric(made.cover, made.marked))
-            costs[metric.name] = _rounded(value) if math.isfinite(value) else None
+            costs[metric.name] = _rounded(value)
+            reason = reason if math.isfinite(value) else f"{metric.name}: {value} is no number that can be kept"
         except Exception as error:
             costs[metric.name], reason = None, f"{metric.name}: {_reason(job, error)}"
     return {"metrics": costs, "vertices": len(made.cover.vertices), "cost_failure": reason}
@@ -170,9 +171,9 @@ def _row(job: Job, reading: Reading, result: dict[str, Any]) -> Row:
     )
 
 
-def _rounded(value: float) -> float:
-    """Six digits: the rest depends on the order in which threads add."""
-    return float(f"{value:.6g}")
+def _rounded(value: float) -> float | None:
+    """Six digits: the rest depends on the order in which threads add. None for what JSON has no number for."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
 def _reason(job: Job, error: BaseException) -> str:

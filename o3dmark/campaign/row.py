@@ -79,6 +79,8 @@ class Row:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metrics", dict.fromkeys(COSTS) | dict(self.metrics))
+        for name in _NULLABLE_TEXTS:  # a table has one way to say nothing
+            object.__setattr__(self, name, getattr(self, name) or None)
 
     @property
     def p_value(self) -> float | None:
@@ -113,6 +115,7 @@ class Row:
 FIELDS = tuple(field.name for field in dataclasses.fields(Row) if field.name != "metrics")
 _REQUIRED = tuple(field.name for field in dataclasses.fields(Row) if field.default is dataclasses.MISSING)[:-1]
 _HINTS = typing.get_type_hints(Row)
+_NULLABLE_TEXTS = tuple(name for name, hint in _HINTS.items() if hint == str | None)
 
 
 def describe_fields() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Published comparisons of several methods, continued with our contestants: curves and tables.
+"""Published comparisons of several methods, continued with our entries: curves and tables.
 
 Every figure of another method is quoted; none of them was run here.
 """
@@ -43,7 +43,7 @@ def _curves(results: Results, group: str, mesh: str) -> Figure:
     """Corr over strength: theirs as printed, ours on the same mesh."""
     conditions = _conditions(results, group, mesh)
     canvas, axes, x, scaled = axes_for(conditions)
-    for count, who in enumerate(results.contestants):
+    for count, who in enumerate(results.entries):
         line(axes, x, [corrs(results.of(who, group, each, mesh)) for each in conditions], who.name, count, scaled)
     for count, method in enumerate(results.published.methods(group + COMPARISON)):
         values = [results.published.value(group + COMPARISON, each, mesh, method=method) for each in conditions]
@@ -74,7 +74,7 @@ def _comparison(results: Results, group: str, mesh: str) -> Table:
                 for each in conditions
             ),
         )
-        for who in results.contestants
+        for who in results.entries
     ]
     return Table(f"{group.capitalize()}: {mesh}", ("mean Corr", *conditions), tuple(rows), folded=True)
 
@@ -92,7 +92,7 @@ def _cost_comparison(results: Results, mesh: str) -> Table:
         )
         for method in results.published.methods(table)
     ]
-    for who in results.contestants:
+    for who in results.entries:
         ours = (cost(results, who, metric, mesh) for metric in metrics)
         theirs = (published(results, table, "", mesh, name) for name in names)
         rows.append((Cell(who.name), *map(cost_cell, ours, theirs)))

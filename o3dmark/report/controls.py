@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row
 from o3dmark.report.content import Cell, Section, Table, ber_number, corr_number
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.summary import ber, corr
 from o3dmark.report.tables import share
 
@@ -32,8 +32,8 @@ def control_section(results: Results) -> Iterator[Section]:
 
 
 def control_tables(results: Results, control: str) -> Iterator[Table]:
-    """The readings of one kind of control, and their small p-values, contestant by contestant."""
-    readings = {who: _readings(results, who, control) for who in results.contestants}
+    """The readings of one kind of control, and their small p-values, entry by entry."""
+    readings = {who: _readings(results, who, control) for who in results.entries}
     readings = {who: rows for who, rows in readings.items() if rows}
     if not readings:
         return
@@ -47,16 +47,16 @@ def control_tables(results: Results, control: str) -> Iterator[Table]:
     yield Table(title, ("", "p-value", "readings", *rates), tuple(filter(None, lines)), caption)
 
 
-def _readings(results: Results, who: Contestant, control: str) -> list[Row]:
+def _readings(results: Results, who: Entry, control: str) -> list[Row]:
     return [row for row in results.controls(who, control) if row.failure is None]
 
 
-def _read(who: Contestant, rows: list[Row]) -> tuple[Cell, ...]:
+def _read(who: Entry, rows: list[Row]) -> tuple[Cell, ...]:
     texts = (who.name, str(len(rows)), corr_number(corr(rows)), ber_number(ber(rows)))
     return (*map(Cell, texts), share(rows, "message_read"))
 
 
-def _small(who: Contestant, rows: list[Row], test: str) -> tuple[Cell, ...]:
+def _small(who: Entry, rows: list[Row], test: str) -> tuple[Cell, ...]:
     """How many p-values of a test are as small as each rate, and how many may be; empty without any."""
     values = [value for row in rows if (value := getattr(row, test)) is not None]
     counts = (

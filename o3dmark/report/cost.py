@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from o3dmark.report.content import Cell, Section, Table, cost_cell, fitting, number
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.summary import mean
 
 TABLE = "imperceptibility"
@@ -40,8 +40,8 @@ def measure(metric: str) -> Measure:
     return _MEASURES.get(metric, Measure(metric))
 
 
-def cost(results: Results, who: Contestant, metric: str, mesh: str | None = None) -> float | None:
-    """The mean of a metric over a contestant's marked meshes, in the unit in which it is shown."""
+def cost(results: Results, who: Entry, metric: str, mesh: str | None = None) -> float | None:
+    """The mean of a metric over a entry's marked meshes, in the unit in which it is shown."""
     value = results.cost(who, metric, mesh)
     return None if value is None else measure(metric).factor * value
 
@@ -49,7 +49,7 @@ def cost(results: Results, who: Contestant, metric: str, mesh: str | None = None
 def cost_section(results: Results) -> Iterator[Section]:
     """Every metric on every mesh: first the methods that stand for lines of the published table, then the others."""
     lines = {label: line for line, label in (results.campaign.imperceptibility or {}).items()}
-    ordered = sorted(results.contestants, key=lambda who: who.label not in lines)
+    ordered = sorted(results.entries, key=lambda who: who.label not in lines)
     tables = [_cost_table(results, who, lines.get(who.label, ""), bool(lines)) for who in ordered]
     intro = f"What a mark costs, mean over the seeds. {SCALES}"
     if any(cell.tone for table in tables for row in table.rows for cell in row):
@@ -58,13 +58,13 @@ def cost_section(results: Results) -> Iterator[Section]:
         yield Section("Imperceptibility", intro, tuple(tables))
 
 
-def _cost_table(results: Results, who: Contestant, line: str, named: bool) -> Table:
+def _cost_table(results: Results, who: Entry, line: str, named: bool) -> Table:
     rows = [_cost_row(results, who, line, metric) for metric in results.metrics]
     title = f"{line.capitalize()}: {who.name}" if line else who.name
     return fitting(Table(title, ("", *results.meshes, "mean"), tuple(rows), folded=named and not line))
 
 
-def _cost_row(results: Results, who: Contestant, line: str, metric: str) -> tuple[Cell, ...]:
+def _cost_row(results: Results, who: Entry, line: str, metric: str) -> tuple[Cell, ...]:
     name = measure(metric).published
     ours = {mesh: cost(results, who, metric, mesh) for mesh in results.meshes}
     theirs = {mesh: published(results, TABLE, line, mesh, name) for mesh in results.meshes}

@@ -38,9 +38,9 @@ def curve_sections(results: Results) -> Iterator[Section]:
 def _robustness(results: Results, group: str) -> Figure:
     conditions = results.groups[group]
     canvas, axes, x, scaled = axes_for(conditions)
-    for number, who in enumerate(results.contestants):
+    for number, who in enumerate(results.entries):
         samples = [corrs(_rows(results, number, group, each)) for each in conditions]
-        aside = 0.0 if scaled else 0.6 * ((number + 1) / (len(results.contestants) + 1) - 0.5)
+        aside = 0.0 if scaled else 0.6 * ((number + 1) / (len(results.entries) + 1) - 0.5)
         line(axes, x + aside, samples, who.name, number, scaled)
     theirs = [results.published.mean_of(group, each, results.meshes) for each in conditions]
     if any(value is not None for value in theirs):
@@ -52,8 +52,8 @@ def _robustness(results: Results, group: str) -> Figure:
 
 
 def _rows(results: Results, number: int, group: str, condition: str) -> list[Row]:
-    """A contestant's readings, over the meshes of the published mean where there is one."""
-    who = results.contestants[number]
+    """A entry's readings, over the meshes of the published mean where there is one."""
+    who = results.entries[number]
     if (group, condition) in results.compared:
         return results.beside(who, group, condition)[0]
     return results.of(who, group, condition)
@@ -61,11 +61,11 @@ def _rows(results: Results, number: int, group: str, condition: str) -> list[Row
 
 def _detection(results: Results) -> Iterator[Figure]:
     """The share of attacked meshes that a detector finds, for every false-positive rate that it is asked to keep."""
-    if not any(map(results.attacked, results.contestants)):
+    if not any(map(results.attacked, results.entries)):
         return
     canvas, axes, _, _ = axes_for()
     rates = np.linspace(_LEAST, 0, 161)
-    for number, who in enumerate(results.contestants):
+    for number, who in enumerate(results.entries):
         values = _logs([row.log10_p for row in results.attacked(who)])
         if len(values):
             shares = [np.mean(values <= rate) for rate in rates]
@@ -88,7 +88,7 @@ def _false_positives(results: Results) -> Iterator[Figure]:
     """How often a wrong key gets a p-value as small: as often as the p-value says."""
     canvas, axes, _, _ = axes_for()
     least = 1.0
-    for number, who in enumerate(results.contestants):
+    for number, who in enumerate(results.entries):
         values = 10.0 ** np.sort(_logs([row.log10_p_uncharged for row in results.controls(who, WRONG_KEY)]))
         if len(values):
             least = min(least, 0.5 / len(values))

@@ -15,7 +15,7 @@ from o3dmark.report.summary import mean
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Entry:
     """A method under its name in the campaign, with a number of bits."""
 
     label: str
@@ -45,20 +45,20 @@ class Results:
         return cls(kept.campaign, kept.runs, kept.methods, rows, Path(directory), published)
 
     @cached_property
-    def contestants(self) -> tuple[Contestant, ...]:
+    def entries(self) -> tuple[Entry, ...]:
         """In the order of the campaign; those without any row are left out."""
         several, there = len(self.campaign.bits) > 1, {(row.label, row.n_bits) for row in self.rows}
         return tuple(
-            Contestant(label, n_bits, f"{label}, {n_bits} bits" if several else label)
+            Entry(label, n_bits, f"{label}, {n_bits} bits" if several else label)
             for label in self.campaign.methods
             for n_bits in self.campaign.bits
             if (label, n_bits) in there
         )
 
     @cached_property
-    def main(self) -> Contestant | None:
+    def main(self) -> Entry | None:
         """The method that the campaign calls its own, with the first number of bits; None before its first row."""
-        return next((who for who in self.contestants if who.label == self.campaign.main), None)
+        return next((who for who in self.entries if who.label == self.campaign.main), None)
 
     @cached_property
     def groups(self) -> dict[str, list[str]]:
@@ -93,29 +93,29 @@ class Results:
         return index
 
     def of(
-        self, who: Contestant, group: str, condition: str | None = None, mesh: str | None = None, control: str = ""
+        self, who: Entry, group: str, condition: str | None = None, mesh: str | None = None, control: str = ""
     ) -> list[Row]:
-        """A contestant's readings in a table, in one condition and of one mesh if they are named."""
+        """A entry's readings in a table, in one condition and of one mesh if they are named."""
         return [
             row
             for row in self._index.get((who.label, who.n_bits, control, group), [])
             if condition in (None, row.condition) and mesh in (None, row.mesh)
         ]
 
-    def attacked(self, who: Contestant) -> list[Row]:
-        """The contestant's readings in all tables of attacks."""
+    def attacked(self, who: Entry) -> list[Row]:
+        """The entry's readings in all tables of attacks."""
         return [row for group in self.groups for row in self.of(who, group)]
 
-    def controls(self, who: Contestant, control: str) -> list[Row]:
-        """The contestant's readings under wrong keys, or of unmarked meshes."""
+    def controls(self, who: Entry, control: str) -> list[Row]:
+        """The entry's readings under wrong keys, or of unmarked meshes."""
         return [row for row in self.rows if (row.label, row.n_bits, row.control) == (who.label, who.n_bits, control)]
 
-    def cost(self, who: Contestant, metric: str, mesh: str | None = None) -> float | None:
+    def cost(self, who: Entry, metric: str, mesh: str | None = None) -> float | None:
         """The mean of a metric between cover and marked meshes."""
         return mean(row.metrics.get(metric) for row in self.of(who, UNTOUCHED, mesh=mesh))
 
-    def beside(self, who: Contestant, group: str, condition: str) -> tuple[list[Row], float | None]:
-        """A contestant's readings that have a published counterpart, and the mean of those counterparts.
+    def beside(self, who: Entry, group: str, condition: str) -> tuple[list[Row], float | None]:
+        """A entry's readings that have a published counterpart, and the mean of those counterparts.
 
         Both are over the same meshes: those that were read here and have a figure of their name there. Without any:
         no row, None.

@@ -68,7 +68,7 @@ def corr_axis(axes: Any) -> None:
 
 
 def colour(number: int) -> str:
-    """The colour of the contestant with this number."""
+    """The colour of the entry with this number."""
     return COLOURS[number % len(COLOURS)]
 
 
@@ -78,7 +78,7 @@ def legend_name(name: str) -> str:
 
 
 def line(axes: Any, x: Any, samples: list[list[float]], label: str, number: int, joined: bool) -> None:
-    """Means and 95 % intervals of one contestant; later ones are thinner, so that lines that coincide are all seen."""
+    """Means and 95 % intervals of one entry; later ones are thinner, so that lines that coincide are all seen."""
     shade, marker = colour(number), MARKERS[number % len(MARKERS)]
     means = np.array([np.mean(sample) if sample else np.nan for sample in samples])
     ends = np.array([interval(sample) if sample else (np.nan, np.nan) for sample in samples])

@@ -10,7 +10,7 @@ from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
 from o3dmark.errors import SpecError
 from o3dmark.report.content import Cell, Picture, Section, Table, corr_number, fitting, number
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.summary import corr, mean
 
 LIST = "pictures.json"
@@ -60,7 +60,7 @@ def _section(title: str, intro: str, pictures: list[Picture]) -> Iterator[Sectio
 
 def _saliency(results: Results, kept: list[Kept]) -> Iterator[Section]:
     """Saliency after attacks beside that of the cover, in pictures and in numbers."""
-    tables = [table for who in results.contestants for table in _ranks(results, who)]
+    tables = [table for who in results.entries for table in _ranks(results, who)]
     pictures = [_saliency_picture(results, each) for each in kept if each.kind == "attacked saliency"]
     if pictures:
         pictures = [Picture(each.mesh, each.jpeg, "cover") for each in kept if each.kind == "saliency"] + pictures
@@ -73,8 +73,8 @@ def _saliency(results: Results, kept: list[Kept]) -> Iterator[Section]:
         yield Section("Saliency before and after attacks", intro, (*pictures, *tables))
 
 
-def _ranks(results: Results, who: Contestant) -> Iterator[Table]:
-    """The rank correlations of a contestant's readings, where the campaign asked for them."""
+def _ranks(results: Results, who: Entry) -> Iterator[Table]:
+    """The rank correlations of a entry's readings, where the campaign asked for them."""
     rows = [_rank_row(results, who, *each) for each in [(UNTOUCHED, "-"), *results.conditions]]
     if rows := [row for row in rows if row]:
         head = ("Spearman's ρ of saliency", *results.meshes, "mean")
@@ -82,7 +82,7 @@ def _ranks(results: Results, who: Contestant) -> Iterator[Table]:
         yield fitting(Table(title, head, tuple(rows), "Mean over the seeds.", folded=who != results.main))
 
 
-def _rank_row(results: Results, who: Contestant, group: str, condition: str) -> tuple[Cell, ...]:
+def _rank_row(results: Results, who: Entry, group: str, condition: str) -> tuple[Cell, ...]:
     """One condition on all meshes, and the mean; empty where it was not asked for."""
     rows = [row for row in results.of(who, group, condition) if row.saliency_rank is not None or row.saliency_failure]
     if not rows:

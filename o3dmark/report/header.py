@@ -36,7 +36,7 @@ def _measured(results: Results) -> dict[str, str]:
 
 def _quoted(results: Results) -> dict[str, str]:
     """Whose figures ours stand beside, if anybody's."""
-    methods = dict.fromkeys(entry.method for entry in results.published.entries)
+    methods = dict.fromkeys(figure.method for figure in results.published.figures)
     names = "; ".join(map(results.published.name, methods))
     return {"published figures": f"quoted, of {names}; all others were measured here"} if names else {}
 

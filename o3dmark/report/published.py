@@ -24,7 +24,7 @@ COMPARISON = " comparison"  # the end of the names of tables that hold several m
 COLUMNS = ("table", "method", "metric", "condition", "model", "value")
 
 
-class Entry(NamedTuple):
+class PublishedFigure(NamedTuple):
     """One printed figure."""
 
     table: str
@@ -39,7 +39,7 @@ class Entry(NamedTuple):
 class Published:
     """All printed figures that a campaign is compared with; none at all for most campaigns."""
 
-    entries: tuple[Entry, ...] = ()
+    figures: tuple[PublishedFigure, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -48,12 +48,12 @@ class Published:
         lines = csv.reader(text.splitlines())
         if tuple(next(lines, ())) != COLUMNS:
             raise SpecError(f"published figures: the first line should be {','.join(COLUMNS)}")
-        return cls(tuple(_entry(line, lines.line_num) for line in lines if line), names)
+        return cls(tuple(_figure(line, lines.line_num) for line in lines if line), names)
 
     @property
     def method(self) -> str:
         """The method that ours are compared with: the first of the file."""
-        return self.entries[0].method if self.entries else ""
+        return self.figures[0].method if self.figures else ""
 
     def name(self, method: str) -> str:
         """What to call a method."""
@@ -65,9 +65,9 @@ class Published:
         """One figure, or None. Conditions are the same when number and unit are: "0.10%" is "0.1%"."""
         wanted = (table, self.method if method is None else method, metric)
         found = (
-            entry.value
-            for entry in self.entries
-            if entry[:3] == wanted and entry.model == model and same(entry.condition, condition)
+            figure.value
+            for figure in self.figures
+            if figure[:3] == wanted and figure.model == model and same(figure.condition, condition)
         )
         return next(found, None)
 
@@ -77,16 +77,16 @@ class Published:
 
     def models(self, table: str) -> tuple[str, ...]:
         """The models of a table in its order."""
-        return tuple(dict.fromkeys(entry.model for entry in self.entries if entry.table == table))
+        return tuple(dict.fromkeys(figure.model for figure in self.figures if figure.table == table))
 
     def methods(self, table: str) -> tuple[str, ...]:
         """The methods of a table in its order."""
-        return tuple(dict.fromkeys(entry.method for entry in self.entries if entry.table == table))
+        return tuple(dict.fromkeys(figure.method for figure in self.figures if figure.table == table))
 
 
-def _entry(line: list[str], number: int) -> Entry:
+def _figure(line: list[str], number: int) -> PublishedFigure:
     try:
         table, method, metric, condition, model, value = line
-        return Entry(table, method, metric, condition, model, float(value))
+        return PublishedFigure(table, method, metric, condition, model, float(value))
     except ValueError:
         raise SpecError(f"published figures, line {number}: should be {','.join(COLUMNS)}, not {line}") from None

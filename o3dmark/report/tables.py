@@ -7,7 +7,7 @@ from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import Row
 from o3dmark.report.content import Cell, Section, Table, ber_number, corr_cell, corr_number, fitting, number
 from o3dmark.report.cost import SCALES, cost, measure
-from o3dmark.report.data import Contestant, Results
+from o3dmark.report.data import Entry, Results
 from o3dmark.report.summary import ber, corr, mean, share_interval
 
 _WORDS = 140  # length of a failure's reason that is worth showing
@@ -15,7 +15,7 @@ CORR = "Corr is the correlation of the bits sent and read: 1 when every bit was 
 
 
 def overview_section(results: Results) -> Iterator[Section]:
-    """The contestants, what they are, their means beside published ones, their messages."""
+    """The entries, what they are, their means beside published ones, their messages."""
     tables = [_glance(results), _methods(results), _messages(results)]
     intro = f"{CORR} BER is the share of bits read wrongly."
     if results.compared:
@@ -25,17 +25,17 @@ def overview_section(results: Results) -> Iterator[Section]:
 
 
 def published_conditions(results: Results) -> Table:
-    """One line for every condition that has published figures: their mean and each contestant's."""
+    """One line for every condition that has published figures: their mean and each entry's."""
     there = {mesh for mesh in results.meshes if any(results.published.value(*each, mesh) for each in results.compared)}
     untouched = (
-        corr_cell(corr(row for row in results.of(who, UNTOUCHED) if row.mesh in there)) for who in results.contestants
+        corr_cell(corr(row for row in results.of(who, UNTOUCHED) if row.mesh in there)) for who in results.entries
     )
     rows = [(Cell(UNTOUCHED), Cell("–"), *untouched)]
     rows += [
         (
             Cell(f"{group} {condition}"),
             Cell(number(results.published.mean_of(group, condition, results.meshes))),
-            *(_without_remark(_beside(results, who, group, condition)) for who in results.contestants),
+            *(_without_remark(_beside(results, who, group, condition)) for who in results.entries),
         )
         for group, condition in results.compared
     ]
@@ -43,14 +43,14 @@ def published_conditions(results: Results) -> Table:
         "Corr, mean over seeds and those meshes that have a published figure of their name. 1.00: every bit of every"
         " reading."
     )
-    head = ("mean Corr", "published", *(who.name for who in results.contestants))
+    head = ("mean Corr", "published", *(who.name for who in results.entries))
     return Table("All methods in the published conditions", head, tuple(rows), caption)
 
 
 def _glance(results: Results) -> Table:
-    """One line for every contestant."""
+    """One line for every entry."""
     rows = []
-    for who in results.contestants:
+    for who in results.entries:
         attacked = results.attacked(who)
         costs = (number(cost(results, who, metric)) for metric in results.metrics)
         rows.append(
@@ -79,7 +79,7 @@ def _glance(results: Results) -> Table:
     return Table("At a glance", head, tuple(rows), caption)
 
 
-def agreement(results: Results, who: Contestant) -> Cell:
+def agreement(results: Results, who: Entry) -> Cell:
     """Mean Corr over conditions: those that have published figures, with their mean, or all where none has."""
     if not results.compared:
         return corr_cell(mean(corr(results.of(who, *each)) for each in results.conditions))
@@ -100,15 +100,15 @@ def _methods(results: Results) -> Table:
 def _messages(results: Results) -> Table:
     """How many messages came back, table by table."""
     rows = [
-        (Cell(group), *(share(results.of(who, group), "message_ok") for who in results.contestants))
+        (Cell(group), *(share(results.of(who, group), "message_ok") for who in results.entries))
         for group in [UNTOUCHED, *results.groups]
     ]
     caption = "Messages read back exactly, through the error-correcting code; the 95 % interval of the share (Wilson)."
-    return Table("Messages", ("after", *(who.name for who in results.contestants)), tuple(rows), caption)
+    return Table("Messages", ("after", *(who.name for who in results.entries)), tuple(rows), caption)
 
 
 def attacks_section(results: Results) -> Iterator[Section]:
-    """The conditions that have no published figures: one cell for each of them and each contestant."""
+    """The conditions that have no published figures: one cell for each of them and each entry."""
     tables = [
         _attack_table(results, group, [each for each in conditions if (group, each) not in results.compared])
         for group, conditions in results.groups.items()
@@ -119,18 +119,16 @@ def attacks_section(results: Results) -> Iterator[Section]:
 
 
 def _attack_table(results: Results, group: str, conditions: list[str]) -> Table:
-    rows = [
-        (Cell(each), *(_reading(results.of(who, group, each)) for who in results.contestants)) for each in conditions
-    ]
-    return Table(group.capitalize(), ("mean Corr", *(who.name for who in results.contestants)), tuple(rows))
+    rows = [(Cell(each), *(_reading(results.of(who, group, each)) for who in results.entries)) for each in conditions]
+    return Table(group.capitalize(), ("mean Corr", *(who.name for who in results.entries)), tuple(rows))
 
 
 def meshes_section(results: Results) -> Iterator[Section]:
-    """For each table of attacks and each contestant: every mesh in every condition."""
+    """For each table of attacks and each entry: every mesh in every condition."""
     tables = [
         _mesh_table(results, who, group, folded=who != results.main)
         for group in results.groups
-        for who in results.contestants
+        for who in results.entries
     ]
     intro = "Corr, mean over the seeds."
     if results.compared:
@@ -142,7 +140,7 @@ def meshes_section(results: Results) -> Iterator[Section]:
         yield Section("Mesh by mesh", intro, tuple(tables))
 
 
-def _mesh_table(results: Results, who: Contestant, group: str, folded: bool) -> Table:
+def _mesh_table(results: Results, who: Entry, group: str, folded: bool) -> Table:
     rows = [
         (
             Cell(each),
@@ -185,7 +183,7 @@ def _reading(rows: list[Row]) -> Cell:
     return Cell(corr_number(corr(rows)), f"BER {ber_number(ber(rows))}, messages {share(rows, 'message_ok').text}")
 
 
-def _beside(results: Results, who: Contestant, group: str, condition: str) -> Cell:
+def _beside(results: Results, who: Entry, group: str, condition: str) -> Cell:
     """Mean Corr over the meshes that have a published figure, and that; over all meshes where none has."""
     if (group, condition) not in results.compared:
         return corr_cell(corr(results.of(who, group, condition)))
