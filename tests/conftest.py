@@ -60,3 +60,23 @@ def own_registries() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def key() -> Key:
     return Key(bytes(range(32)))
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str | bytes], Path]:
+    """Writes text or bytes under a name, and says where."""
+
+    def write(name: str, content: str | bytes) -> Path:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+@pytest.fixture
+def noisy_spot(spot: TriangleMesh) -> TriangleMesh:
+    """Spot with digits in every place of its doubles; the test's own."""
+    from fixtures.shapes import noisy
+
+    return noisy(spot, 1e-3)

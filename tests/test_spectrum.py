@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from o3dmark.arrays import Floats
-from o3dmark.solid.solid import Solid, samples
+from o3dmark.solid.quadrature import samples
+from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
 
 BAND = Band(2.0, 6.0, 6.0)

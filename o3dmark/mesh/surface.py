@@ -1,7 +1,7 @@
-"""The border between Open3D's meshes and the read-only arrays that o3dmark computes with.
+"""From Open3D's meshes to the read-only arrays that o3dmark computes with, and back.
 
 A `Surface` is what the mathematics sees of a mesh: vertices at equal positions welded into one, so that texture seams
-and triangle soups neither open nor split; vertices that no triangle uses, and triangles that are none (a repeated
+and triangle soups neither open nor split; vertices that no triangle uses, and degenerate triangles (a repeated
 corner, a repeated triangle), left out. `with_vertices` carries new positions back to every original vertex, and
 colours, texture coordinates and materials go through untouched.
 """

@@ -7,7 +7,7 @@ MSDM2   Lavoue, "A multiscale metric for 3D mesh visual quality assessment" (201
 Both follow the programs that published tables come from, MEPP (e48ca42, 2018) and MEPP2 (d977d05, 2022), and not the
 formulas as usually printed: the added ones in the comparisons, the weights of the covariance and the absolute
 curvatures are theirs. The window is a share of the longest side of the axis-aligned box, so that a rotation of both
-meshes changes the value by 1 to 2 %. Edges with more than two triangles count like borders, see `normal_cycle`.
+meshes changes the value by 1 to 2 %. Edges with more than two triangles count as boundary, see `normal_cycle`.
 """
 
 from dataclasses import dataclass

@@ -2,8 +2,8 @@
 
 This is what the MSDM programs (MEPP, LIRIS) compute, in their order of visits, so that their published values can be
 reproduced: a depth-first walk along edges that lead away from the centre, clipped by a sphere. An edge bends only where
-exactly two triangles meet, wound consistently; the borders of a surface, and edges with more triangles, are walked over
-but bend nothing.
+exactly two triangles meet, wound consistently; boundary edges, and edges with more triangles, are walked over but bend
+nothing.
 """
 
 from typing import NamedTuple
@@ -85,7 +85,7 @@ def curvature(vertices: Floats, triangles: Ints, rings: Rings, radius: float) ->
     """Mean of both absolute principal curvatures (n,), in one over the units of the vertices, over balls of ``radius``.
 
     As in those programs, values are low: edges across the walk's way are used from neither end (a fine unit sphere gets
-    0.83), and the tensor is divided by the flat disc pi radius^2, at borders too. A vertex whose ball meets an edge
+    0.83), and the tensor is divided by the flat disc pi radius^2, at a boundary too. A vertex whose ball meets an edge
     without length gets zero.
     """
     tensors = _tensors(vertices, rings, bends(vertices, triangles, rings), radius, steps_for(rings))

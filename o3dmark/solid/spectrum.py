@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats, Ints
-from o3dmark.solid.solid import Solid, samples
+from o3dmark.solid.quadrature import samples
+from o3dmark.solid.solid import Solid
 
 Complex = NDArray[np.complex128]
 LONGEST_EDGE = 0.35  # of a quadrature triangle, over the shortest wavelength

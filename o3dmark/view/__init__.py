@@ -1,4 +1,4 @@
-"""What a person looks at: pictures without a display, comparison sheets, and an interactive window.
+"""Pictures for people: drawn without a display, comparison sheets, and an interactive window.
 
     render              mesh or point cloud, scalars     -> picture (h, w, 3) uint8
     render_scalars      the same, with its colour bar

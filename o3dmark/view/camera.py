@@ -1,4 +1,4 @@
-"""Where one looks from, and how far away one must stand for the whole mesh to fill the picture."""
+"""Where the picture is taken from, and at which distance the whole mesh fills it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats
 
-FIELD_OF_VIEW = 24.0  # degrees, along the shorter side of the picture
-MARGIN = 0.05  # left free on each side, of the picture
+FIELD_OF_VIEW = 24.0  # degrees, along the shorter side of the picture: a long lens, which distorts little
+MARGIN = 0.05  # left empty on each side, over the side's length
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Camera:
     """A direction to look from; the distance follows from the mesh, which fills the picture at zoom 1.
 
     azimuth, elevation: degrees; (0, 0) looks at the front (from +z where y is up, from -y where z is up), and growing
-    azimuth takes the viewer to his right. zoom: magnification about the picture's centre. up: the axis that is up.
+    azimuth takes the viewer to the right. zoom: magnification about the picture's centre. up: the axis that is up.
     """
 
     azimuth: float = -32.0

@@ -16,8 +16,8 @@ from o3dmark.view.model import n_vertices, positions, shape_of
 from o3dmark.view.render import Image
 from o3dmark.view.sheet import Panel, sheet
 
-VISIBLE = 0.01  # an exaggerated displacement should be about so long, of the diagonal
-ROUNDING = 1e-9  # of the diagonal: what moved less did not move
+VISIBLE = 0.01  # over the diagonal: length of an exaggerated displacement that one sees
+ROUNDING = 1e-9  # over the diagonal: what moved less did not move
 PER_MILLE = "10⁻³ of the bounding-box diagonal"
 
 

@@ -16,9 +16,9 @@ from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
 Float32s = NDArray[np.float32]  # a picture needs no more
 Shape: TypeAlias = Surface | PointCloud
 
-CREASE = np.cos(np.radians(45.0))  # triangles that meet at a greater angle are not smoothed into one another
-GREATEST_FAN = 64  # triangles around a vertex, beyond which each keeps its own normal at a crease
-SPLATS = 0.002, 0.02  # least and greatest radius of a point, of the diagonal
+CREASE = np.cos(np.radians(45.0))  # triangles that meet at a greater angle are not smoothed together: CAD edges stay
+MAX_VALENCE = 64  # triangles around a vertex beyond which each keeps its own normal at a crease: pairs cost memory
+SPLATS = 0.002, 0.02  # smallest and largest radius of a drawn point, over the diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:
     own = np.repeat(flat, 3, axis=0)
     leans = np.einsum("kj,kj->k", own, smooth[corner]) < CREASE
     creased = np.bincount(corner, leans, minlength=len(vertices)) > 0
-    few = np.bincount(corner, minlength=len(vertices)) <= GREATEST_FAN
+    few = np.bincount(corner, minlength=len(vertices)) <= MAX_VALENCE
     normals = np.where(leans[:, None], own, smooth[corner])
     sharp = np.flatnonzero((creased & few)[corner])
     around = sp.csr_array((np.ones(len(sharp)), (np.arange(len(sharp)), corner[sharp])), (len(sharp), len(vertices)))

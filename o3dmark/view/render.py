@@ -1,9 +1,9 @@
 """Pictures of meshes and point clouds, made without a display and without OpenGL.
 
-Open3D's ray caster finds what each pixel sees; numpy shades it. Why not the hidden window of Open3D's visualiser: it
-needs an EGL context, which Open3D makes from 0.20 on and on Linux alone, it writes to stderr past every log level, and
-it lights vertices, not pixels. The ray caster gives the same picture on every machine, with nothing to fall back to.
-It computes in float32, so meshes are moved to the origin and scaled to size one first; nothing is measured here.
+Open3D's ray caster finds what each pixel sees; numpy shades it. The hidden window of Open3D's visualiser is not used:
+it needs an EGL context, which Open3D makes from 0.20 on and on Linux alone, it writes to stderr whatever the log level,
+and it lights vertices, not pixels. The ray caster gives the same picture on every machine. It computes in float32, so
+meshes are moved to the origin and scaled to size one first; nothing is measured here.
 """
 
 import io
@@ -26,7 +26,7 @@ Image = NDArray[np.uint8]
 
 SAMPLES = 2  # rays a pixel along each side, so that edges are smooth
 MATERIAL = np.array([0.80, 0.765, 0.72])  # sRGB: a warm grey, like clay
-GAMMA = 2.2
+GAMMA = 2.2  # of sRGB, nearly
 
 
 def render(
@@ -51,7 +51,7 @@ def render(
         raise ValueError(f"a picture of {width} x {height} pixels has no pixel")
     shape = shape_of(mesh)
     fit = positions(shape if frame is None else shape_of(frame))
-    centre, to_camera = (fit.min(axis=0) + fit.max(axis=0)) / 2, camera.axes.T / (geometry.diagonal(fit) or 1.0)
+    centre, to_camera = geometry.box_centre(fit), camera.axes.T / (geometry.diagonal(fit) or 1.0)
     values = None if scalars is None else checked_scalars(scalars, n_vertices(shape))
     model = Model.of(shape, values, centre, to_camera)
     scene = scene_of(model)

@@ -10,11 +10,12 @@ from scipy.ndimage import uniform_filter
 from o3dmark.arrays import Floats, Ints
 from o3dmark.view.model import Float32s, Model
 
-SKY_RAYS = 3  # for each ray that hits, so many more find out how much of the sky is seen from there
-BLOCK = 4  # side of the block of rays that share what they found
+SKY_RAYS = 3  # rays to the sky from each hit, which see how much of it is open
+BLOCK = 4  # side of the block of rays that share what they see: 48 directions for the price of 3
 SKY_REACH = 0.25  # what is farther away hides no sky; the bounding-box diagonal is 1
-BIAS = 2e-4  # rays to the sky begin so far above the surface, which must not hide itself
+BIAS = 2e-4  # height above the surface at which rays to the sky begin: in float32 it would hide itself
 
+# A studio, by eye: a warm lamp from the upper left, a weak cold one from the right, sky above and ground below.
 KEY, KEY_COLOUR = (-0.455, 0.655, 0.603), 0.80 * np.array([1.0, 0.985, 0.96], np.float32)
 FILL, FILL_COLOUR = (0.863, 0.05, 0.503), 0.16 * np.array([0.93, 0.97, 1.0], np.float32)
 SKY_COLOUR = 0.46 * np.array([0.98, 0.99, 1.0], np.float32)

@@ -1,4 +1,4 @@
-"""Sheets of pictures with titles, captions and colour bars: what one shows to explain a mark and an attack.
+"""Sheets of pictures with titles, captions and colour bars, to explain a mark and an attack.
 
 matplotlib draws text and bars without its global state (no pyplot); pictures are put in pixel by pixel.
 """
@@ -27,7 +27,7 @@ CAPTION_LENGTH, NOTE_LENGTH = 66, 46  # characters that a line has room for
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One picture of a sheet: a mesh under a title; with ``scalars``, a colour bar that ``bar`` says the quantity of.
+    """One picture of a sheet: a mesh under a title; with ``scalars``, a colour bar whose quantity ``bar`` names.
 
     scalars, limits, colormap and frame are as in `render`.
     """

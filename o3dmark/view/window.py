@@ -1,4 +1,4 @@
-"""The interactive window: Open3D's own viewer, for who sits before a screen."""
+"""The interactive window: Open3D's own viewer, where there is a screen."""
 
 import ctypes
 import os
@@ -17,7 +17,7 @@ from o3dmark.view.colours import coloured
 from o3dmark.view.model import shape_of
 from o3dmark.view.render import MATERIAL
 
-GAP = 0.1  # between neighbours, of the diagonal of the one on the left
+GAP = 0.1  # between neighbours, over the diagonal of the one on the left
 
 
 def show(meshes: Sequence[Any], scalars: Sequence[ArrayLike | None] | None = None, colormap: str = "viridis") -> None:
@@ -43,7 +43,7 @@ def show(meshes: Sequence[Any], scalars: Sequence[ArrayLike | None] | None = Non
 
 
 def has_display() -> bool:
-    """Whether a window can be opened. Open3D must not be asked: without a display it draws for ever where none sees."""
+    """Whether a window can be opened. Open3D cannot tell: without a display its viewer never returns."""
     if not sys.platform.startswith("linux"):
         return True
     wayland, runtime = os.environ.get("WAYLAND_DISPLAY"), os.environ.get("XDG_RUNTIME_DIR", "")

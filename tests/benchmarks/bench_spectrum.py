@@ -7,7 +7,8 @@ from o3dmark.attacks import attack_all
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
-from o3dmark.solid.solid import Solid, samples
+from o3dmark.solid.quadrature import samples
+from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
 
 METHOD = ShapeSpectrum()

@@ -17,7 +17,8 @@ from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.solid.frame import FrameFormat, rules
-from o3dmark.solid.solid import Solid, normal_rms, samples
+from o3dmark.solid.quadrature import samples
+from o3dmark.solid.solid import Solid, normal_rms
 from o3dmark.solid.spectrum import LONGEST_EDGE, Spectrum
 
 # Fourteen marks on bimba, cup, ant, vase, flower, cat_7949 and octa_flower (two keys each) chose these:
