@@ -47,7 +47,7 @@ def test_a_fragment_tells_all_bits(spot: TriangleMesh, marked: TriangleMesh, key
 @pytest.fixture
 def placed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fragments are taken to lie where they lie: finding that out has its own tests, and takes its time."""
-    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: [np.eye(4)])
+    monkeypatch.setattr("o3dmark.mesh.fragments.poses", lambda *_: [np.eye(4)])
 
 
 @pytest.mark.usefixtures("placed")
@@ -76,7 +76,7 @@ def test_of_two_places_the_one_is_taken_where_the_mark_explains_more(
 ) -> None:
     wrong = np.eye(4)
     wrong[:3, 3] = 0.004
-    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: [wrong @ wrong, np.eye(4)])
+    monkeypatch.setattr("o3dmark.mesh.fragments.poses", lambda *_: [wrong @ wrong, np.eye(4)])
     extraction = read(attack_all(marked, [CUT], rng=1), spot, key)
     assert np.array_equal(extraction.bits, BITS)
     assert extraction.hypotheses == 4 * len(METHOD.steps(len(BITS)))
@@ -87,7 +87,7 @@ def test_a_mesh_that_lies_nowhere_gives_no_bits(
     spot: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch, somewhere: list[np.ndarray]
 ) -> None:
     """Whether no place is found or too little of the cover is there."""
-    monkeypatch.setattr("o3dmark.methods.shape_spectrum.fragment.places", lambda *_: somewhere)
+    monkeypatch.setattr("o3dmark.mesh.fragments.poses", lambda *_: somewhere)
     extraction = read(TriangleMesh.create_torus(1.0, 0.4, 40, 20), spot, key)
     assert not extraction.soft.any()
     assert "nowhere" in extraction.view
