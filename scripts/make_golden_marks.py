@@ -159,7 +159,7 @@ GOLDENS = {
     "turned_sheet": Golden(
         "a thin sheet in a turned frame", "flat clover", message="flat", measure="area", turned=True
     ),
-    "open": Golden("a mesh with a border", "bimba:vertices=2200", ("crop:share=0.15,largest=true",), message="open"),
+    "open": Golden("a mesh with a boundary", "bimba:vertices=2200", ("crop:share=0.15,largest=true",), message="open"),
     "soup": Golden("a triangle soup: every triangle by itself", "cup:vertices=1000", ("unweld",), message="soup"),
     "cad": Golden("a machine part: flat faces, sharp edges", "bracket", message="part"),
     "bits8": Golden("8 raw bits, on four projections each", "cat:vertices=1000", bits="01101001"),

@@ -194,11 +194,11 @@ def test_resampling_keeps_a_mesh_inside_out() -> None:
     assert geometry.volume(*mesh_arrays(after)) == pytest.approx(-4.0 / 3.0 * np.pi, rel=0.03)
 
 
-def test_an_open_border_grows_a_collar_of_three_cells_and_a_half() -> None:
+def test_an_open_boundary_grows_a_collar_of_three_cells_and_a_half() -> None:
     after, _ = mesh_arrays(ATTACKS.make("resample:cells=40")(hemisphere()))
-    border = mesh_arrays(hemisphere())[0][np.unique(mesh_arrays(hemisphere())[1])][:, 2].min()
+    boundary = mesh_arrays(hemisphere())[0][np.unique(mesh_arrays(hemisphere())[1])][:, 2].min()
     cell = 2.0 / 40
-    assert -3.5 * cell - 1e-6 < after[:, 2].min() - border < -2.0 * cell
+    assert -3.5 * cell - 1e-6 < after[:, 2].min() - boundary < -2.0 * cell
 
 
 def test_a_plate_that_no_node_sees_is_refused() -> None:

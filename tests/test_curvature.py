@@ -46,7 +46,7 @@ def quadric(p, q, size=1e-3):
 
 
 def cylinder(radius, around=60, rows=15):
-    """An open cylinder of equilateral triangles about the z axis, and a mask of the vertices not on its borders."""
+    """An open cylinder of equilateral triangles about the z axis, and a mask of the vertices not on its boundaries."""
     side = 2 * np.pi * radius / around
     points, triangles, _ = lattice(rows, around + 1, side)
     row, column = np.divmod(np.arange(len(points)), around + 1)
@@ -97,7 +97,7 @@ def test_sphere_seen_from_inside():
 
 
 @pytest.mark.parametrize("radius", [0.5, 2.0])
-def test_cylinder_away_from_its_borders(radius):
+def test_cylinder_away_from_its_boundaries(radius):
     vertices, triangles, inner = cylinder(radius)
     found = taubin(vertices, triangles)
     np.testing.assert_allclose(found.k1[inner], 0.0, atol=0.005 / radius)

@@ -36,8 +36,8 @@ def roughness_slowly(surface):
             weight[b, c] += np.clip(0.5 / math.tan(corner), 0.001, 1000)
             weight[c, b] = weight[b, c]
             used[frozenset((b, c))] = used.get(frozenset((b, c)), 0) + 1
-    border = {v for edge, count in used.items() if count == 1 for v in edge}
-    defect = np.array([abs((math.pi if v in border else 2 * math.pi) - angle[v]) for v in range(n)])
+    boundary = {v for edge, count in used.items() if count == 1 for v in edge}
+    defect = np.array([abs((math.pi if v in boundary else 2 * math.pi) - angle[v]) for v in range(n)])
     return abs(defect - weight @ defect / weight.sum(axis=1))
 
 

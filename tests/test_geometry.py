@@ -19,7 +19,7 @@ TETRAHEDRON = (
 
 
 def open_strip(n):
-    """A strip of 2 (n - 1) triangles in the plane z = 0, every vertex on its border."""
+    """A strip of 2 (n - 1) triangles in the plane z = 0, every vertex on its boundary."""
     vertices = np.array([[x, y, 0.0] for x in range(n) for y in range(2)])
     quads = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(n - 1)]
     return vertices, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])

@@ -1,4 +1,4 @@
-"""The mesh border: nothing given is changed, nothing unusable gets in, and what goes out is the same mesh moved."""
+"""Meshes to surfaces and back: nothing given is changed, nothing unusable gets in, and out comes the mesh moved."""
 
 import numpy as np
 import open3d as o3d

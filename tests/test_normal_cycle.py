@@ -128,7 +128,7 @@ def test_a_plane_is_not_curved():
 def test_curvature_agrees_with_its_definition(radius):
     torus = Surface.of(o3d.geometry.TriangleMesh.create_torus(1.0, 0.4, 12, 8))
     points = torus.vertices + 0.03 * np.random.default_rng(0).normal(size=torus.vertices.shape)
-    triangles = torus.triangles[5:]  # with a border
+    triangles = torus.triangles[5:]  # with a boundary
     rings = rings_of(triangles, len(points))
     slow = curvature_slowly(points, triangles.tolist(), neighbours(rings), radius)
     assert curvature(points, triangles, rings, radius) == pytest.approx(slow, rel=1e-9, abs=1e-12)

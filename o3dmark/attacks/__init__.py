@@ -1,4 +1,4 @@
-"""What the world does to a mesh: seeded attacks, composed left to right.
+"""Attacks, what happens to a mesh on its way: seeded, composed left to right.
 
     Attack           mesh, rng              -> mesh
 

@@ -1,4 +1,4 @@
-"""Attributes on their way through an attack: what a mesh carries besides positions, moved, picked or looked up again.
+"""What happens to attributes in an attack: what a mesh has besides positions is kept, picked or looked up again.
 
 Attacks act on a mesh as it is stored, seams and unused vertices included. Geometry attacks keep every attribute
 (normals, where there are any, are computed anew); attacks that pick elements carry the picked elements' attributes;

@@ -1,8 +1,8 @@
 """A surface built anew on a grid: the zero set of the signed distance to the old one, by marching cubes.
 
-MeshLab's "uniform mesh resampling" defines it: the field reaches 3.5 cells to both sides, and its sign says on which
-side of the normal at the closest point one is. MeshLab itself is not asked, because its search tree doubles with every
-level wherever the boxes of more than 64 triangles overlap: a slanted rod of 40 sides takes all memory. The distance
+As MeshLab's "uniform mesh resampling" has it, the field reaches 3.5 cells to both sides, and its sign is the side of
+the normal at the closest point. MeshLab itself is not used, because its search tree doubles with every level wherever
+the boxes of more than 64 triangles overlap: a slanted rod of 40 sides takes all memory. The distance
 comes from `proximity`, the cubes from Open3D (Flying Edges); memory goes with the surface and a slab of the grid.
 """
 
@@ -18,10 +18,10 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.proximity import Tree, closest_points, tree_of
 from o3dmark.mesh.surface import Surface
 
-_REACH = 3.5  # of the field to both sides, in cells
+_REACH = 3.5  # of the field to both sides, in cells: MeshLab's
 _COARSEST = 16  # cells: side of the blocks that the search for the surface begins with
-_CHUNK = 1_000_000  # nodes whose distance is taken at once
-_SLAB = 48  # layers of cells marched at once
+_CHUNK = 1_000_000  # nodes whose distance is taken at once: some 100 MB
+_SLAB = 48  # layers of cells marched at once: 200 MB with 1000 cells a side
 _LEAST = 1e-3  # cells: a node nearer to the surface counts as that far from it, or slivers without area come out
 _OCTANTS = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
 

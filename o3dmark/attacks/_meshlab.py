@@ -2,7 +2,7 @@
 
 MeshLab computes in float64, but with thresholds that are lengths: a mesh a millionth of a unit in size is simplified
 twice as badly, one of a hundred million units is torn. So it gets every mesh about the origin with a diagonal of one.
-It never reads a file here: polygons that visit a vertex twice made it corrupt memory.
+It reads no files here: polygons that visit a vertex twice made it corrupt its memory.
 """
 
 from typing import Any

@@ -13,10 +13,10 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.registry import option
 
-# MeshLab takes a parameter that is left out from the last call in the process, so all are given: its own defaults, but
-# for two. Without preservetopology a fifth of the meshes tried came back non-manifold. Without planarquadric the
+# All parameters are given, since MeshLab takes those left out from the last call in the process. They are its defaults,
+# but for two. Without preservetopology a fifth of the meshes tried came back non-manifold. Without planarquadric
 # vertices slide about in planes, and which of equal edges goes first decides whether fandisk, halved, is off by 2e-4 or
-# 3e-3 of the diagonal; with a weight of 1e-4 by 9e-6, while bodies without planes come out as good as before.
+# 3e-3 of the diagonal; with a weight of 1e-4 it is off by 9e-6, and shapes without planes come out as well as before.
 _COLLAPSE = {
     "preservetopology": True,
     "planarquadric": True,

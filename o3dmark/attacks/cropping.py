@@ -1,4 +1,4 @@
-"""Attacks that leave only a part: cropping, holes, and a fragment pasted into a scene of someone else's."""
+"""Attacks that leave only a part: cropping, holes, and a fragment pasted beside a foreign object."""
 
 from dataclasses import dataclass
 from typing import Any, Literal

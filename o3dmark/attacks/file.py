@@ -1,4 +1,4 @@
-"""Attacks that leave the shape alone: what storing, reading and tidying up a mesh does to it."""
+"""Attacks that leave the shape alone: storing, reading and tidying up a mesh."""
 
 # ruff: noqa: ARG002 - attacks without randomness take an rng too
 

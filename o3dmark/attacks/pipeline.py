@@ -88,7 +88,7 @@ class Meshopt(Attack):
 class MeshoptSimplify(Attack):
     """meshoptimizer's edge collapse until ``ratio`` of the triangles is gone or the error is reached.
 
-    It acts on the welded surface: of a triangle soup as it is stored, meshoptimizer removes nothing. The vertices that
+    It acts on the welded surface: from a triangle soup, as stored, meshoptimizer removes nothing. The vertices that
     stay do not move, but for float32. Source: Garland and Heckbert 1997, Surface simplification using
     quadric error metrics, as in gltfpack -si.
     """

@@ -1,4 +1,4 @@
-"""Attacks that keep the shape and forget the mesh: it is sampled, and a surface is built anew from the samples.
+"""Attacks that keep the shape and lose the mesh: it is sampled, and a surface is built anew from the samples.
 
 Colours are those of the nearest old vertex, texture coordinates are dropped.
 """
@@ -28,7 +28,7 @@ class Resample(Attack):
     """Marching cubes of the signed distance to the surface on a uniform grid.
 
     Only what is wider than a cell stays; an open boundary grows a collar up to 3.5 cells wide. The field is that of
-    MeshLab's "uniform mesh resampling", without its appetite: there a slanted rod of 40 sides takes all memory.
+    MeshLab's "uniform mesh resampling", in less memory: there a slanted rod of 40 sides takes all that there is.
     Source: Lorensen and Cline 1987, Marching cubes.
     """
 

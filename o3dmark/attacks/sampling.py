@@ -15,7 +15,7 @@ from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
 from o3dmark.solid.closing import oriented
 
-_ROUNDS = 50  # of drawing candidates before the scan takes what it has; two to four on most shapes
+_ROUNDS = 50  # of drawing candidates before the scan takes what it has; shapes in the open take two to five
 _LIFT = 1e-4  # over the diagonal: rays start off the surface, or float32 would let it hide its own points
 
 

@@ -1,4 +1,4 @@
-"""Secrets, numbers and proof: what is hidden, and how surely it was read. No mesh here.
+"""Secrets, codes and statistics: what is hidden, and how surely it was read. No mesh here.
 
 keys        the owner's secret             -> portable pseudo-random streams
 scs         values, bits, a dither         -> codewords of the scalar Costa scheme

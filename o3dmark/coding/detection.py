@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from o3dmark.errors import SpecError
 
-_LEVELS = 256  # grid of the weights: this many steps up to the median magnitude
-_CAP = 4  # no bit weighs more than this many medians, so that one wild magnitude cannot drown the rest
+_LEVELS = 256  # integer weight of the median magnitude: finer than any soft bit is exact
+_CAP = 4  # no bit weighs more than this many medians, so that one wild magnitude cannot outweigh the rest
 _EXACT_BITS = 2000  # above this the counts of sign patterns leave the range of a double
 _LOG2 = math.log10(2)
 

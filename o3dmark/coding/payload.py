@@ -5,8 +5,8 @@
 There are no check bits. Every bit beyond the frame serves correction, and the p-value of the nearest codeword decides
 whether a message is there: at most 2^k codewords could have been found, each by chance with the probability that
 `detection.sign_test` counts, and the whitening makes a wrong key and an unmarked mesh exactly such a chance. Sixteen
-check bits in a code of the same length were measured to do no better at the same false-positive rate, and that only
-with a list of candidates to check.
+check bits in a code of the same length were measured to do no better at the same false-positive rate, even with a list
+of candidates to check.
 """
 
 import abc
@@ -26,10 +26,13 @@ from o3dmark.registry import Registry, option
 
 CODES: "Registry[Code]" = Registry("code")
 
+# Part of the format: golden values in the tests hold them.
 _SIZES = (1, 2, 4, 8, 16, 32)  # bytes that a frame can hold
 _KIND_BITS = 2
 _TEXT, _FULL, _SHORT = range(3)  # UTF-8 and zeros; bytes that fill the frame; bytes, 0x80 and zeros
-_PROOF_BITS = 19  # what an errorless reading must leave over for its p-value: 2^-19, or 2e-6
+_PROOF_BITS = 19  # that the frame leaves over, so that a reading without errors has a p-value of 2^-19, or 2e-6
+
+# And of the reader alone.
 _SEARCH = 32  # of the least trusted basis bits are flipped in pairs: 1 word of 32 bits in 100 is missed, in some 10 ms
 
 

@@ -163,7 +163,8 @@ def _candidates(source: _Cloud, target: _Cloud, scale: float) -> Floats:
     mismatch = np.abs(here.invariants - there.invariants).max(axis=1)
     best = np.argsort(mismatch, kind="stable")[:_MAX_CANDIDATES]
     best = best[mismatch[best] < _MAX_MISMATCH]
-    return _carrying(here.only(best), there.only(best))
+    found = _carrying(here.only(best), there.only(best))
+    return found[np.linalg.det(found[:, :3, :3]) > 0.0]  # normals along the pair leave it without axes
 
 
 def _matched(source: _Cloud, target: _Cloud) -> tuple[_Pairs, _Pairs]:

@@ -32,8 +32,8 @@ from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import Surface
 from o3dmark.registry import option
 
-LEE_SCALES = (2.0, 3.0, 4.0, 5.0, 6.0)
-_CLOUD_NEIGHBOURS = 12  # for a cloud's curvature
+LEE_SCALES = (2.0, 3.0, 4.0, 5.0, 6.0)  # the paper's
+_CLOUD_NEIGHBOURS = 12  # for a cloud's curvature: two rings would be 18, one 6
 _PEAK_NEIGHBOURS = 6  # for a cloud's local maxima: the valence of a regular mesh
 _PAIRS_AT_ONCE = 8_000_000  # on four cores at a time in the radius search: 200 MB
 

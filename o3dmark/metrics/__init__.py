@@ -1,4 +1,4 @@
-"""What a mark or an attack costs: distances between a reference mesh and a distorted one.
+"""Distances between a reference mesh and a distorted one: what a mark or an attack costs.
 
     Metric           reference, distorted   -> float
 

@@ -22,7 +22,7 @@ from o3dmark.synthetic.isosurface import remesh
 
 SHAPES: "Registry[Shape]" = Registry("shape", __name__)
 
-_POSES = 8  # drawn one after another, until limbs neither touch nor come apart
+_POSES = 8  # drawn one after another, until limbs neither touch nor come apart; most need one
 
 
 @dataclass(frozen=True)

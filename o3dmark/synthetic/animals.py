@@ -1,4 +1,4 @@
-"""Four animals: each looks along x, stands on y, and is caught in a stride or a turn of the head."""
+"""Four animals that look along x, with y upward, each in a pose of its own."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -2,7 +2,7 @@
 
 Cells of a grid that the surface may cross are refined eightfold until they are small (`crossed_cells`) and polygonised
 by `marching_tetrahedra`; the vertices are shaken along the surface, quadric decimation (Garland and Heckbert 1997)
-leaves more of them where it curves more, and Newton steps bring those that are left back onto it (`project`).
+leaves more of them where it curves more, and Newton steps bring those that remain back onto it (`project`).
 """
 
 from itertools import permutations
@@ -17,10 +17,10 @@ from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
 from o3dmark.synthetic.field import Field
 
 HALF_BOX = 1.5  # every solid lies inside the cube [-1.5, 1.5]^3
-_COARSEST = 0.3  # size of the cells that are refined first
-_CHUNK = 1 << 15  # points evaluated at once
-_ATTEMPTS = 3
-_RELAXATIONS = 3
+_COARSEST = 0.3  # size of the cells that are refined first: a tenth of the box
+_CHUNK = 1 << 15  # points evaluated at once: they fit a cache
+_ATTEMPTS = 3  # decimations, each from another grid, before a pose is given up
+_RELAXATIONS = 3  # steps of relaxing after decimation: they leave no folds in the kept meshes
 _OFFSETS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _KUHN = np.array(  # six tetrahedra of a cell, wound alike
     [
@@ -57,10 +57,10 @@ def remesh(field: Field, n_vertices: int, genus: int, detail: int, rng: np.rando
         if mesh.euler_poincare_characteristic() != 2 - 2 * genus:
             return None
         mesh = mesh.simplify_quadric_decimation(2 * (n_vertices - 2 + 2 * genus))
-        mesh = _settled(field, mesh.remove_unreferenced_vertices())
+        mesh = _relaxed(field, mesh.remove_unreferenced_vertices())
         if is_sound(mesh, genus):
             return mesh
-        spacing *= 0.97  # which edges collapse, and whether that pinches the surface, is a matter of chance
+        spacing *= 0.97  # another grid, so that other edges collapse, perhaps without pinching the surface
     return None
 
 
@@ -141,8 +141,8 @@ def _shaken(vertices: Floats, triangles: Ints, spacing: float, rng: np.random.Ge
     return mean @ (vertices + _tangential(jitter, geometry.unit(geometry.vertex_area_vectors(vertices, triangles))))
 
 
-def _settled(field: Field, mesh: TriangleMesh) -> TriangleMesh:
-    """Decimation leaves needles, folds, and vertices beside the surface: relax along it, and bring them back."""
+def _relaxed(field: Field, mesh: TriangleMesh) -> TriangleMesh:
+    """A decimated mesh without needles and folds: its vertices relaxed along the surface and brought back onto it."""
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64)
     mean = geometry.neighbour_mean(triangles, len(vertices))
     reach = 0.3 * float(np.sqrt(geometry.areas(vertices, triangles).mean()))

@@ -1,4 +1,4 @@
-"""What stands on a table: a flower, a vase and a cup."""
+"""A flower, a vase and a cup."""
 
 from dataclasses import dataclass
 from typing import ClassVar
