@@ -11,9 +11,9 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, point_cloud
 
-_MIN_POINTS = 1000  # fewer leave nothing of a mark of 64 bits
-_NEIGHBOURS = 30  # by which estimated normals are oriented alike
-_MANY = 400_000  # points that make finer cells worthwhile: five for each cell that the surface crosses
+_MIN_POINTS = 1000  # fewer show no shape worth reading: the mark of bimba takes 4 000, that of cup 8 000
+_NEIGHBOURS = 30  # by which estimated normals are oriented alike: the value of Open3D's documentation
+_MANY = 400_000  # points that may fill cells half as large: 100 000 give the same surface with either
 
 
 def surface_of_points(cloud: PointCloud) -> Surface:
