@@ -113,8 +113,8 @@ def raw_dict(extraction: Extraction) -> dict[str, Any]:
     return {
         "bits": bit_text(extraction.bits),
         "soft": [round(float(value), 4) for value in extraction.soft],
-        **{name: getattr(extraction, name) for name in ("hypotheses", "view", "step", "smoothing", "passes", "fitted")},
-        "coherence": extraction.coherence,
+        "hypotheses": extraction.hypotheses,
+        **extraction.which(),
         "note": extraction.note,
     }
 

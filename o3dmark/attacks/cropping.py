@@ -44,7 +44,7 @@ class Crop(Attack):
         depth = vertices @ direction
         if self.kind == "ball":
             depth = np.linalg.norm(vertices - vertices[triangles[seed, 0]], axis=1)
-        used = np.flatnonzero(np.bincount(triangles.ravel()))
+        used = geometry.used_vertices(triangles)
         gone = used[np.argsort(-depth[used], kind="stable")[: round(self.share * len(used))]]
         part = _without(mesh, gone, f"crop:share={self.share}")
         return _largest_piece(part) if self.largest else part
@@ -70,7 +70,7 @@ class Holes(Attack):
         vertices, triangles = checked_arrays(mesh)
         if not self.share:
             return copied(mesh)
-        used = np.flatnonzero(np.bincount(triangles.ravel()))
+        used = geometry.used_vertices(triangles)
         count = min(self.count, max(1, round(self.share * len(used))))  # of a few vertices, not all holes fit
         size = max(1, round(self.share * len(used) / count))
         gone = []
@@ -137,6 +137,6 @@ def _largest_piece(mesh: Any) -> TriangleMesh:
     place = geometry.weld(vertices)[1]
     corners = place[triangles]
     _, piece = scipy.sparse.csgraph.connected_components(geometry.adjacency(corners, place.max() + 1))
-    sizes = np.bincount(piece[np.flatnonzero(np.bincount(corners.ravel()))])
+    sizes = np.bincount(piece[geometry.used_vertices(corners)])
     stays: NDArray[np.bool_] = np.equal(piece[corners[:, 0]], sizes.argmax())
     return kept(mesh, stays)

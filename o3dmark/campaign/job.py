@@ -24,8 +24,6 @@ from o3dmark.methods import Extraction
 from o3dmark.metrics import METRICS
 from o3dmark.metrics.correlation import bit_errors, correlation
 
-_TOLD = ("step", "view", "smoothing", "passes", "fitted", "coherence")  # of an Extraction, as a row has them
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -103,8 +101,7 @@ def _read(made: Specimen, job: Job, observed: Any, key: Key, started: float) -> 
 
 def _told(read: Extraction) -> dict[str, Any]:
     """Which reading it was."""
-    values = {name: getattr(read, name) for name in _TOLD}
-    return {name: _rounded(value) if isinstance(value, float) else value for name, value in values.items()}
+    return {name: _rounded(value) if isinstance(value, float) else value for name, value in read.which().items()}
 
 
 def _decoded(made: Specimen, read: Extraction, key: Key) -> dict[str, Any]:

@@ -111,6 +111,11 @@ def numbered_pairs(pairs: Ints) -> tuple[Ints, Ints]:
     return _pairs_of(keys), number
 
 
+def used_vertices(triangles: Ints) -> Ints:
+    """The vertices (k,) that some triangle has as a corner, ascending."""
+    return np.flatnonzero(np.bincount(triangles.ravel()))
+
+
 def boundary_vertices(triangles: Ints, n_vertices: int) -> Bools:
     """True (n,) at the vertices of an edge that only one triangle uses."""
     keys, counts = np.unique(edge_keys(triangles), return_counts=True)

@@ -54,7 +54,7 @@ class Surface:
         kept, position = geometry.weld(vertices)
         corners = position[triangles]
         corners = corners[_proper(corners)]
-        used = np.flatnonzero(np.bincount(corners.ravel(), minlength=len(kept)))
+        used = geometry.used_vertices(corners)
         if not len(used) or not geometry.diagonal(vertices[kept[used]]):
             raise MeshError("the mesh has no triangle with three different corners")
         row = np.full(len(kept), -1, np.int64)

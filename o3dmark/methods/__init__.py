@@ -54,6 +54,11 @@ class Extraction:
         step = "" if self.step is None else f"step {self.step:.5f}"
         return ", ".join(filter(None, (self.view, undone, "frame fitted" if self.fitted else "", step)))
 
+    def which(self) -> dict[str, Any]:
+        """Which reading it was: the fields that say so, by name, ready for JSON."""
+        names = ("view", "step", "smoothing", "passes", "fitted", "coherence")
+        return {name: getattr(self, name) for name in names}
+
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
         if self.readings is None or not len(self.readings):

@@ -1,5 +1,6 @@
 """A sequence that is worked out as it is first asked for, and kept for whoever asks next."""
 
+import itertools
 from collections.abc import Iterator
 from typing import Generic, TypeVar
 
@@ -13,13 +14,9 @@ class Remembered(Generic[T]):
         self._source, self._known = source, list[T]()
 
     def __iter__(self) -> Iterator[T]:
-        position = 0
-        while True:
+        for position in itertools.count():
             if position == len(self._known):
-                for new in self._source:
-                    self._known.append(new)
-                    break
-                else:
-                    return
+                self._known += itertools.islice(self._source, 1)
+            if position == len(self._known):
+                return
             yield self._known[position]
-            position += 1

@@ -136,14 +136,14 @@ class Guess:
     smoothed: int = 0
 
     @cached_property
-    def norms(self) -> Floats:
-        """The vertex norms (n,) that carry the bits."""
-        return Spherical.of(self.surface, self.counts).norms
+    def spherical(self) -> Spherical:
+        """The surface in spherical coordinates; its norms carry the bits."""
+        return Spherical.of(self.surface, self.counts)
 
     @cached_property
     def place(self) -> Ints:
         """The place (n,) of each vertex by the descending norm of its normal on the unit sphere."""
-        sphere = self.surface.moved(Spherical.of(self.surface, self.counts).directions)
+        sphere = self.surface.moved(self.spherical.directions)
         norms = np.linalg.norm(sphere.vertex_area_vectors, axis=1)
         for _ in range(self.averages):
             norms = self.surface.neighbour_mean @ norms
@@ -199,7 +199,7 @@ class SaliencySCS(Method):
         salient = self.salient_set(self.saliency(surface))
         guess = Guess("as received", surface, self.passes)
         carriers = self._order(guess, salient, len(message), key).among(salient)
-        spherical = Spherical.of(surface)
+        spherical = guess.spherical
 
         def reconstructed(step: float) -> Floats:
             scs, moved = ScalarCosta(step, self.gamma), carriers.vertex
@@ -228,7 +228,7 @@ class SaliencySCS(Method):
             else:
                 carriers = self._order_of_cover(Surface.of(reference), seen.received, n_bits, key)
             steps = self._steps(guess.surface, seen.salient)
-            vectors = _agreement(guess.norms, carriers, seen.trust, steps, n_bits)
+            vectors = _agreement(guess.spherical.norms, carriers, seen.trust, steps, n_bits)
             log_p = coherence_log10p(vectors)
             tried += len(steps)
             better = log_p.min() < least

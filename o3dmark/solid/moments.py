@@ -10,6 +10,7 @@ with h_n the complete homogeneous symmetric polynomial. Complex moments, of high
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -107,6 +108,7 @@ def _sizes(solid: Solid, measure: Measure, corner: Floats) -> Floats:
     return np.einsum("md,md->m", solid.area_vectors, corner) / 3.0
 
 
+@cache
 def _gauss(order: int) -> tuple[Floats, Floats]:
     """Weights (order^2,) of sum one and barycentric coordinates (order^2, 3): Gauss' rule on the square, collapsed."""
     if order == 1:
