@@ -19,7 +19,7 @@ import numpy as np
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.references import Source
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, float_steps, triangle_mesh
 
 Moved: TypeAlias = Mapping[int, Floats]
 """For the number of a part its new vertices (n, 3), in the order of `Part.vertices`."""
@@ -140,8 +140,4 @@ class Asset(ABC):
                 raise MeshError(f"{part.name} has positions {part.vertices.shape}, not {vertices.shape}")
 
 
-def float_steps(values: Floats, dtype: np.dtype[np.floating] | type = np.float32) -> Floats:
-    """How far apart numbers of a floating type are at the magnitudes of values (n, 3), read-only."""
-    steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
-    steps.setflags(write=False)
-    return steps
+__all__ = ["KINDS", "STAYS", "Asset", "Moved", "Part", "float_steps"]

@@ -32,7 +32,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.saliency import Saliency
-from o3dmark.mesh.surface import PointCloud, Surface, with_vertices
+from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.codewords import plans
@@ -120,8 +120,7 @@ class ShapeSpectrum(Method):
         """See `Method.observe`: the hypotheses about a mesh or point cloud, for the readings of any number of keys."""
         if isinstance(mesh, Hypotheses):
             return mesh
-        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
-        surface = surface_of_points(mesh) if is_cloud else Surface.of(mesh)
+        surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
         return self._hypotheses(surface)
 
     def capacity(self, mesh: Any) -> int:
