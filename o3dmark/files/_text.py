@@ -1,4 +1,4 @@
-"""Numbers in text files: read all at once, and written with as many digits as are needed and no fewer than were there."""
+"""Numbers in text files: read all at once, written with as many digits as are needed and no fewer than were there."""
 
 import math
 import re

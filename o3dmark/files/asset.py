@@ -28,7 +28,7 @@ STAYS = np.eye(4)[None]
 STAYS.setflags(write=False)
 
 # What a file may hold beside positions and triangles, in the words that users read when a conversion drops it. A format
-# names what is its own (a property, an extension) in the same manner: "property quality", "extension KHR_materials_ior".
+# names what is its own in the same manner: "property quality", "extension KHR_materials_ior".
 KINDS = (
     "polygons",  # faces of more than three corners
     "lines",

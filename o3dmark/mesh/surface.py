@@ -121,6 +121,16 @@ def mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
     return np.array(mesh.vertices, np.float64), np.array(mesh.triangles, np.int64)
 
 
+def legacy_mesh(mesh: Any) -> TriangleMesh:
+    """A mesh as Open3D's legacy kind, in double precision; a legacy one as it is. Errors: MeshError by its type."""
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        mesh_arrays(mesh)
+        return mesh.to_legacy()
+    if not isinstance(mesh, o3d.geometry.TriangleMesh):
+        raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+    return mesh
+
+
 def is_cloud(shape: Any) -> bool:
     """Whether a shape is a point cloud, of Open3D's legacy or its tensor kind."""
     return isinstance(shape, o3d.geometry.PointCloud | o3d.t.geometry.PointCloud)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
