@@ -84,10 +84,13 @@ class Asset(ABC):
     positions, and are therefore written anew.
     """
 
-    source: Source
     parts: tuple[Part, ...]
     references: tuple[str, ...] = ()
     changing: tuple[str, ...] = ()
+
+    def __init__(self, source: Source) -> None:
+        """Errors: MeshError when the file is missing or damaged."""
+        self.source = source
 
     @property
     def path(self) -> Path:
