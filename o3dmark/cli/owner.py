@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from o3dmark.cli._arguments import In, Json, Out
+from o3dmark.cli._arguments import In, Json, Out, Overwrite
 from o3dmark.cli._talk import print_result, say, since
 from o3dmark.errors import MeshError, SpecError
 
@@ -43,7 +43,7 @@ def embed(
     method: Method = None,
     profile: Profile = None,
     n_bits: NBits = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="OUT may be replaced; IN never is.")] = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Hide a message: OUT is the file IN with its positions moved. What cannot be read back is not written; exit 1."""

@@ -24,7 +24,7 @@ from o3dmark.files.references import Source
 from o3dmark.files.stl import Stl
 from o3dmark.files.threemf import ThreeMf
 from o3dmark.files.usd import Usd
-from o3dmark.files.writing import Destination, destination, replacing
+from o3dmark.files.writing import Destination, check_free, destination, replacing
 from o3dmark.mesh.surface import PointCloud, TriangleMesh, is_cloud, legacy_cloud, legacy_mesh
 
 ASSETS: dict[str, type[Asset]] = {
@@ -138,6 +138,7 @@ __all__ = [
     "Destination",
     "Part",
     "Source",
+    "check_free",
     "convert",
     "destination",
     "dropped",

@@ -98,9 +98,7 @@ class ShapeSpectrum(Method):
         if vertices is None:
             raise MeshError(
                 f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
-                " can be read back; a slender one may with shorter waves and more rungs (lowest=8,highest=24,rungs=60,"
-                " as profile slender-2026 has them), others with fewer bits, another mrms, or self-intersections"
-                " repaired"
+                " can be read back: it may be too slender for waves of this length, or pass through itself"
             )
         return with_vertices(mesh, surface, vertices)
 
