@@ -56,7 +56,7 @@ def run(
         yield Progress(done, len(jobs))
         results = _in_turn(missing) if executor is None else _submitted(missing, executor, in_flight)
         for job, outcome in results:
-            this = replace(this, seconds=round(time.monotonic() - started, 1))
+            this = replace(this, seconds=round(time.monotonic() - started, 3))
             save(directory, replace(kept, runs=(*kept.runs, this)))
             save_pictures(directory, outcome.pictures, [mesh.name for mesh in kept.campaign.meshes])
             ledger.append(outcome.rows)

@@ -1,0 +1,63 @@
+"""Normals that follow a surface when it moves: each is turned as its own surface turns.
+
+Recomputed normals would smooth what a modeller made sharp, and open seams: normals that were equal on both sides of a
+texture seam would not be any more. Turned ones keep both.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh import geometry
+
+
+def turned(before: Floats, after: Floats, triangles: Ints, normals: Floats, used: Ints | None = None) -> "Turns":
+    """The turn of each of normals (k, 3) when positions (n, 3) go from ``before`` to ``after``.
+
+    ``used`` (m, 3): which normal stands at each corner of triangles (m, 3), or -1; by default normals and positions are
+    numbered alike. A normal turns as the area-weighted mean of the triangles that use it does. Equal normals at equal
+    positions turn alike, whatever else tells them apart, so seams stay closed; different ones at one position turn on
+    their own, so hard edges stay hard.
+    """
+    used = triangles if used is None else used
+    corners, numbers = triangles.ravel(), used.ravel()
+    kept = numbers >= 0
+    group = _groups(geometry.weld(before)[1][corners[kept]], numbers[kept], normals)
+    means = [
+        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], group[numbers[kept]])
+        for positions in (before, after)
+    ]
+    return Turns(geometry.unit(means[0])[group], geometry.unit(means[1])[group])
+
+
+class Turns:
+    """The least turns (k,) that take unit vectors (k, 3) to others; none where either is zero, or they are opposite."""
+
+    def __init__(self, start: Floats, end: Floats) -> None:
+        cosine = (start * end).sum(axis=1)
+        turns = cosine > -0.5  # of a surface turned over, the least turn says nothing
+        turns &= (start != 0.0).any(axis=1) & (end != 0.0).any(axis=1)
+        self._axis = np.where(turns[:, None], np.cross(start, end), 0.0)  # of length sin
+        self._cosine = np.where(turns, cosine, 1.0)
+
+    def __call__(self, vectors: Floats) -> Floats:
+        """Vectors (k, 3), each turned; their lengths stay. (Rodrigues' formula, with the axis not of unit length.)"""
+        axis, cosine = self._axis, self._cosine[:, None]
+        along = (axis * vectors).sum(axis=1, keepdims=True)
+        return vectors * cosine + np.cross(axis, vectors) + axis * along / (1.0 + cosine)
+
+
+def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
+    """For each normal (k,) a number shared by all that are equal at one position, or are one."""
+    k = len(normals)
+    _, value = geometry.distinct_rows(normals)
+    _, place = geometry.distinct_rows(np.column_stack([positions, value[numbers]]))
+    n_places = int(place.max(initial=-1)) + 1
+    links = sp.coo_array((np.ones(len(numbers), bool), (numbers, k + place)), shape=(k + n_places,) * 2)
+    return connected_components(links, directed=False)[1][:k].astype(np.int64)
+
+
+def _sums(vectors: Floats, group: Ints) -> Floats:
+    size = int(group.max(initial=-1)) + 1
+    return np.column_stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)])
