@@ -6,6 +6,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from o3dmark.errors import MeshError
 
+_LONGEST = 4096, 255  # of a path, and of each name in it, in bytes: more is no file, and takes long to resolve
+
 
 @dataclass(frozen=True)
 class Source:
@@ -42,10 +44,14 @@ class Source:
 def inside(path: Path, name: str) -> Path:
     """The file that ``path`` refers to by a relative name, whether it is there or not.
 
-    Errors: MeshError for a name that leaves the folder of ``path``: by its root, a drive, "..", a scheme, or a link.
+    Errors: MeshError for a name that leaves the folder of ``path`` (by its root, a drive, "..", a scheme, or a link),
+    and for one that no file can have.
     """
     plain = name.replace("\\", "/")
     parts = PurePosixPath(plain).parts
+    lengths = [len(part.encode(errors="replace")) for part in parts]
+    if sum(lengths) + len(lengths) > _LONGEST[0] or max(lengths, default=0) > _LONGEST[1] or "\0" in plain:
+        raise MeshError(f"{path.name} refers to {name[:40]!r}..., which no file can be called")
     leaves = not parts or ".." in parts or plain.startswith("/") or bool(PureWindowsPath(name).drive) or "://" in plain
     try:
         target = path.parent / plain
