@@ -33,11 +33,12 @@ def turned(before: Floats, after: Floats, triangles: Ints, normals: Floats, used
 
 
 class Turns:
-    """The least turns (k,) that take unit vectors (k, 3) to others; none where either is zero, or they are opposite."""
+    """The least turns (k,) that take unit vectors (k, 3) to others; none where they are zero, equal or opposite."""
 
     def __init__(self, start: Floats, end: Floats) -> None:
         cosine = (start * end).sum(axis=1)
         turns = cosine > -0.5  # of a surface turned over, the least turn says nothing
+        turns &= (start != end).any(axis=1)  # a unit vector times itself is not quite 1, and nothing may change
         turns &= (start != 0.0).any(axis=1) & (end != 0.0).any(axis=1)
         turns &= (start != end).any(axis=1)  # exactly none where nothing moved
         self._axis = np.where(turns[:, None], np.cross(start, end), 0.0)  # of length sin
