@@ -16,7 +16,7 @@ from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangl
 from o3dmark.profiles import PROFILES
 from o3dmark.watermark import Watermark
 
-MARK = Watermark(n_bits=32)
+MARK = Watermark(n_bits=43)
 Opened = Callable[..., Asset]
 
 
@@ -55,7 +55,7 @@ def test_each_part_is_marked_and_what_cannot_be_is_left_and_named(opened: Opened
     marked = marking.embed(asset, MARK, "me", key)
     assert list(marked.moved) == [1, 2]
     assert [each.part for each in marked.left] == ["mesh 0"]
-    assert "32 bits asked for" in marked.left[0].why
+    assert "43 bits asked for" in marked.left[0].why
     written = after(asset, marked)
     np.testing.assert_array_equal(written.parts[0].vertices, UNIT_SQUARE[0])
     for number in (1, 2):
@@ -63,7 +63,7 @@ def test_each_part_is_marked_and_what_cannot_be_is_left_and_named(opened: Opened
 
 
 def test_when_no_part_holds_the_mark_the_largest_says_why(opened: Opened, key: Key) -> None:
-    with pytest.raises(CapacityError, match="32 bits asked for"):
+    with pytest.raises(CapacityError, match="43 bits asked for"):
         marking.embed(opened(UNIT_SQUARE), MARK, "me", key)
     with pytest.raises(MeshError, match=r"none of the 2 meshes of scene\.npz.* the largest, mesh 1: .*as symmetric"):
         marking.embed(opened(UNIT_SQUARE, icosphere(4)), MARK, "me", key)
