@@ -43,22 +43,22 @@ class Gltf(Asset):
         check_extensions(self._root)
         budget = Budget(source.name, len(content))
         self._buffers = Buffers(source, self._container, self._root, budget)
-        views = Views(self._buffers, self._root)
-        accessors = Accessors(views, self._root, budget)
+        self._views = Views(self._buffers, self._root, budget)
+        accessors = Accessors(self._views, self._root, budget)
         places = placements(self._root, accessors, budget)
-        self._bodies: Bodies = bodies(self._root, views, accessors, places, budget)
+        self._bodies: Bodies = bodies(self._root, self._views, accessors, places, budget)
         self.parts = tuple(body.part for body in self._bodies.bodies)
         images = [image.text("uri") for image in self._root.parts("images", "image") if "uri" in image]
         self.references = tuple(dict.fromkeys([*self._buffers.files, *filter(None, map(file_of, images))]))
         self.changing = tuple(dict.fromkeys(buffer.file for buffer in self._moving_buffers() if buffer.file))
 
     @cached_property
-    def contents(self) -> frozenset[str]:  # type: ignore[override]
+    def contents(self) -> frozenset[str]:
         return contents(self._root, self._container.value)
 
     def with_positions(self, moved: Moved, names: Mapping[str, str] | None = None) -> dict[str, bytes]:
         self.check(moved)
-        edits = Edits()
+        edits = Edits(ends=self._views.ends())
         for number, vertices in moved.items():
             self._move(edits, self._bodies.bodies[number], vertices)
         edits.put_back()
@@ -88,10 +88,10 @@ class Gltf(Asset):
                 block.write(edits, raw, changed[rows].any(axis=1))
                 after[rows] = block.floats(raw)
                 for number in body.numbers[block]:
-                    self._bound(edits, number, block, raw)
+                    self._bound(edits, number, raw)
         self._turn(edits, body, after)
 
-    def _bound(self, edits: Edits, number: int, block: Accessor, raw: AnyArray) -> None:
+    def _bound(self, edits: Edits, number: int, raw: AnyArray) -> None:
         """Replace what accessor ``number`` announces as its least and greatest numbers, where it is not true."""
         for key, extremes in (("min", raw.min(axis=0)), ("max", raw.max(axis=0))):
             path = "accessors", number, key
