@@ -185,14 +185,16 @@ class Views:
         return len(self.fields)
 
     def ends(self) -> dict[Buffer, int]:
-        """For each buffer where the last view of it ends."""
+        """For each buffer where the last view of it ends; views that are damaged, and not used, do not count."""
         ends: dict[Buffer, int] = {}
         for number, fields in enumerate(self.fields):
-            window = self[number]
-            places = [
-                (self._buffers[fields.whole("buffer")], fields.whole("byteOffset", 0), fields.whole("byteLength"))
-            ]
-            for buffer, start, length in (*places, *window.space.holds):
+            try:
+                window = self[number]
+            except MeshError:
+                continue
+            buffer = self._buffers[fields.whole("buffer")]
+            place = buffer, fields.whole("byteOffset", 0), fields.whole("byteLength")
+            for buffer, start, length in (place, *window.space.holds):
                 ends[buffer] = max(ends.get(buffer, 0), start + length)
         return ends
 

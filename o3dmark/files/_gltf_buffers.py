@@ -107,6 +107,7 @@ class Edits:
             return
         n = len(buffer.content)
         if buffer not in self.added and start + length >= self.ends.get(buffer, n):
+            packed = packed.ljust(n - start, b"\0")
             self.of(buffer)[start:] = np.frombuffer(packed, np.uint8, n - start)
             self.added[buffer] = bytearray(packed[n - start :])
         else:

@@ -12,6 +12,7 @@ import numpy as np
 from o3dmark.arrays import AnyArray, Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
+from o3dmark.files._dressing import dressed
 from o3dmark.files._gltf_accessors import Accessor, Accessors, Views
 from o3dmark.files._gltf_buffers import Buffer, Buffers, Edits, file_of
 from o3dmark.files._gltf_container import Container
@@ -20,8 +21,12 @@ from o3dmark.files._gltf_parts import Bodies, Body, Piece, bodies
 from o3dmark.files._gltf_scene import placements
 from o3dmark.files._json_fields import Fields
 from o3dmark.files.asset import Asset, Moved
-from o3dmark.files.references import Source
+from o3dmark.files.references import Source, inside
 from o3dmark.mesh.normals import turned
+from o3dmark.mesh.surface import TriangleMesh
+
+_SCENE = 10, 256 << 20  # bytes of a scene as one mesh: times the file, and beside
+_OPEN3D_HAS = {"normals", "texture coordinates", "vertex colours", "materials", "textures"}
 
 
 class Gltf(Asset):
@@ -41,7 +46,7 @@ class Gltf(Asset):
         self._root = Fields(source.name, self._container.value)
         _check_version(self._root)
         check_extensions(self._root)
-        budget = Budget(source.name, len(content))
+        budget = self._budget = Budget(source.name, len(content))
         self._buffers = Buffers(source, self._container, self._root, budget)
         self._views = Views(self._buffers, self._root, budget)
         accessors = Accessors(self._views, self._root, budget)
@@ -63,6 +68,31 @@ class Gltf(Asset):
             self._move(edits, self._bodies.bodies[number], vertices)
         edits.put_back()
         return self._buffers.written(edits, names or {}, self.changing)
+
+    def mesh(self) -> TriangleMesh:
+        """All parts at all their places, with the textures, colours and normals that Open3D reads in the file, if any.
+
+        Errors: MeshError where the parts stand at so many places that they exhaust memory.
+        """
+        rows = [len(part.placements) * (len(part.vertices) + 2 * len(part.triangles)) for part in self.parts]
+        if 24 * sum(rows) > _SCENE[0] * self._budget.size + _SCENE[1]:
+            raise MeshError(
+                f"{self.name}: its {len(self.parts)} meshes stand at {sum(len(part.placements) for part in self.parts)}"
+                " places, which is too much for one mesh; save those that are wanted in a file of their own"
+            )
+        exact = super().mesh()
+        return self._dressed(exact) or exact
+
+    def _dressed(self, exact: TriangleMesh) -> TriangleMesh | None:
+        """Open3D's reading, where it has more than positions and follows nothing out of the folder."""
+        if not self.contents & _OPEN3D_HAS or self.source.files or not self.path.is_file():
+            return None
+        try:
+            for name in self.references:
+                inside(self.path, name)
+        except MeshError:
+            return None
+        return dressed(self.path, exact)
 
     def _moving_buffers(self) -> Iterable[Buffer]:
         """The buffers that hold positions, normals or tangents that can change."""
