@@ -24,20 +24,23 @@ def turned(before: Floats, after: Floats, triangles: Ints, normals: Floats, used
     corners, numbers = triangles.ravel(), used.ravel()
     kept = numbers >= 0
     group = _groups(geometry.weld(before)[1][corners[kept]], numbers[kept], normals)
-    means = [
-        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], group[numbers[kept]])
+    corner_group, size = group[numbers[kept]], int(group.max(initial=-1)) + 1
+    start, end = (
+        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], corner_group, size)
         for positions in (before, after)
-    ]
-    return Turns(geometry.unit(means[0])[group], geometry.unit(means[1])[group])
+    )
+    return Turns(geometry.unit(start)[group], geometry.unit(end)[group])
 
 
 class Turns:
-    """The least turns (k,) that take unit vectors (k, 3) to others; none where either is zero, or they are opposite."""
+    """The least turns (k,) that take unit vectors (k, 3) to others; none where they are zero, equal or opposite."""
 
     def __init__(self, start: Floats, end: Floats) -> None:
         cosine = (start * end).sum(axis=1)
         turns = cosine > -0.5  # of a surface turned over, the least turn says nothing
+        turns &= (start != end).any(axis=1)  # a unit vector times itself is not quite 1, and nothing may change
         turns &= (start != 0.0).any(axis=1) & (end != 0.0).any(axis=1)
+        turns &= (start != end).any(axis=1)  # exactly none where nothing moved
         self._axis = np.where(turns[:, None], np.cross(start, end), 0.0)  # of length sin
         self._cosine = np.where(turns, cosine, 1.0)
 
@@ -58,6 +61,5 @@ def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
     return connected_components(links, directed=False)[1][:k].astype(np.int64)
 
 
-def _sums(vectors: Floats, group: Ints) -> Floats:
-    size = int(group.max(initial=-1)) + 1
+def _sums(vectors: Floats, group: Ints, size: int) -> Floats:
     return np.column_stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)])
