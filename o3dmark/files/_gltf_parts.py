@@ -225,7 +225,7 @@ def _groups(primitives: list[list[Primitive]], linked: Iterable[tuple[Accessor, 
 
 def _names(meshes: Sequence[Fields]) -> list[str]:
     """What to call each mesh: its name where no other has it, or its number and its name."""
-    given = [mesh.text("name", "") for mesh in meshes]
+    given = [mesh.text("name", "").encode("utf-8", "replace").decode() for mesh in meshes]
     shown = [name if name.isprintable() else ascii(name)[1:-1] for name in given]
     counts: dict[str, int] = defaultdict(int)
     for name in shown:
