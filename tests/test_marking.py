@@ -120,6 +120,8 @@ def test_the_views_of_a_scene(opened: Opened, spot_arrays) -> None:
     assert [len(view.shape.triangles) for view in views] == [2 * len(triangles), len(triangles), len(triangles)]
     cloud = point_cloud(vertices)
     assert [view.shape for view in marking.views(cloud)] == [cloud]
+    with pytest.raises(MeshError, match="holds no mesh of triangles"):
+        marking.views(opened())
 
 
 def test_triangles_with_corners_of_their_own_are_one_piece(spot_arrays) -> None:

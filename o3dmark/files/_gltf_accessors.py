@@ -5,13 +5,15 @@ Sources: glTF 2.0 specification, 3.6 (binary data storage); KHR_mesh_quantizatio
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from o3dmark.arrays import AnyArray, Bits, Bools, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
-from o3dmark.files._gltf_buffers import Buffers, Edits, Space
+from o3dmark.files._gltf_buffers import Buffer, Buffers, Edits, Space
+from o3dmark.files._gltf_meshopt import MeshoptSpace, Packing
 from o3dmark.files._json_fields import Fields
 from o3dmark.files.asset import float_steps
 
@@ -28,7 +30,7 @@ class Rows:
     start: int
     count: int
     width: int
-    dtype: np.dtype[np.generic]
+    dtype: np.dtype[Any]
     stride: int
     where: str = field(default="", compare=False)
 
@@ -65,7 +67,7 @@ class Accessor:
 
     count: int
     width: int
-    dtype: np.dtype[np.generic]
+    dtype: np.dtype[Any]
     normalized: bool
     base: Rows | None
     places: Rows | None = None
@@ -123,7 +125,16 @@ class Accessor:
         return values
 
     def nearest(self, values: Floats) -> AnyArray:
-        """What the file can hold nearest to ``values``."""
+        """What the file can hold nearest to ``values`` (count, d)."""
+        plain = self._of_type(values)
+        kept = self.base.space.rounded(self.base.start, self.base.stride, plain) if self.base else plain
+        if self.values is not None:
+            listed = self.values.space.rounded(self.values.start, self.values.stride, plain[self.listed])
+            kept = kept.copy()
+            kept[self.listed] = listed
+        return kept
+
+    def _of_type(self, values: Floats) -> AnyArray:
         if self.dtype.kind == "f":
             largest = float(np.finfo(self.dtype).max)
             return np.clip(values, -largest, largest).astype(self.dtype)
@@ -133,6 +144,9 @@ class Accessor:
 
     def steps(self, values: Floats) -> Floats:
         """How far apart the numbers are that can stand for ``values`` (n, d), in a shape that broadcasts to it."""
+        of_space = self.base.space.steps(self.base.start, self.base.stride, values.shape) if self.base else None
+        if of_space is not None:
+            return of_space
         if self.dtype.kind == "f":
             with np.errstate(invalid="ignore"):
                 return float_steps(values)
@@ -162,20 +176,34 @@ class Window:
 class Views:
     """The buffer views of a glTF."""
 
-    def __init__(self, buffers: Buffers, root: Fields) -> None:
+    def __init__(self, buffers: Buffers, root: Fields, budget: Budget) -> None:
         self.fields = root.parts("bufferViews", "buffer view")
-        self._buffers = buffers
+        self._buffers, self._budget = buffers, budget
         self._windows: dict[int, Window] = {}
 
     def __len__(self) -> int:
         return len(self.fields)
 
+    def ends(self) -> dict[Buffer, int]:
+        """For each buffer where the last view of it ends; views that are damaged, and not used, do not count."""
+        ends: dict[Buffer, int] = {}
+        for number, fields in enumerate(self.fields):
+            try:
+                window = self[number]
+            except MeshError:
+                continue
+            buffer = self._buffers[fields.whole("buffer")]
+            place = buffer, fields.whole("byteOffset", 0), fields.whole("byteLength")
+            for buffer, start, length in (place, *window.space.holds):
+                ends[buffer] = max(ends.get(buffer, 0), start + length)
+        return ends
+
     def __getitem__(self, number: int) -> Window:
         if number not in self._windows:
-            self._windows[number] = self._window(self.fields[number])
+            self._windows[number] = self._window(number, self.fields[number])
         return self._windows[number]
 
-    def _window(self, fields: Fields) -> Window:
+    def _window(self, number: int, fields: Fields) -> Window:
         """Errors: MeshError where a view reaches beyond its buffer."""
         buffer = fields.number_of("buffer", len(self._buffers))
         start, length = fields.whole("byteOffset", 0), fields.whole("byteLength")
@@ -183,6 +211,10 @@ class Views:
         if start + length > most:
             raise MeshError(f"{fields.where} reaches to byte {start + length} of buffer {buffer}, which has {most}")
         stride = fields.whole("byteStride") if "byteStride" in fields else None
+        if packing := Packing.of(number, fields, self._buffers):
+            return Window(
+                MeshoptSpace(packing, self._buffers, (self._buffers[buffer], start), self._budget), 0, length, stride
+            )
         return Window(self._buffers[buffer], start, length, stride or None)
 
 
@@ -222,9 +254,7 @@ class Accessors:
             self._budget.take(count * width * dtype.itemsize)  # zeros, for which the file has no bytes
         return Accessor(count, width, dtype, fields.flag("normalized"), base, places, values, number, fields.where)
 
-    def _rows(
-        self, fields: Fields, count: int, width: int, dtype: np.dtype[np.generic], *, strided: bool = False
-    ) -> Rows:
+    def _rows(self, fields: Fields, count: int, width: int, dtype: np.dtype[Any], *, strided: bool = False) -> Rows:
         """Errors: MeshError where the rows reach beyond their view, or into each other."""
         window, start = self._views[fields.number_of("bufferView", len(self._views))], fields.whole("byteOffset", 0)
         size = width * dtype.itemsize
@@ -236,7 +266,7 @@ class Accessors:
         return Rows(window.space, window.start + start, count, width, dtype, stride, fields.where)
 
 
-def _dtype(fields: Fields) -> np.dtype[np.generic]:
+def _dtype(fields: Fields) -> np.dtype[Any]:
     name = TYPES.get(fields.whole("componentType"))
     if name is None:
         raise fields.wrong("componentType", f"one of {', '.join(map(str, TYPES))}")

@@ -16,7 +16,7 @@ from urllib.parse import quote, quote_from_bytes, unquote, unquote_to_bytes
 
 import numpy as np
 
-from o3dmark.arrays import Bits
+from o3dmark.arrays import AnyArray, Bits, Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
 from o3dmark.files._gltf_container import Container
@@ -26,6 +26,7 @@ from o3dmark.files.references import Source
 
 Path: TypeAlias = tuple[Step, ...]
 
+_ALIGNMENT = 4  # of what is added to a buffer, as of its chunk
 _SAFE = "/!$&'()*+,;=@-._~"  # what a relative reference may hold as it is (RFC 3986)
 
 
@@ -47,16 +48,34 @@ class Space(ABC):
         """Why other bytes cannot be put here, if they cannot."""
         return ""
 
+    @property
+    def holds(self) -> "tuple[tuple[Buffer, int, int], ...]":
+        """Where the file keeps these bytes in another form: buffers, first bytes and lengths."""
+        return ()
+
+    def rounded(self, start: int, stride: int, numbers: AnyArray) -> AnyArray:  # noqa: ARG002
+        """What can be kept of numbers (n, d) that are to stand from byte ``start`` on, ``stride`` apart."""
+        return numbers
+
+    def steps(self, start: int, stride: int, shape: tuple[int, ...]) -> Floats | None:  # noqa: ARG002
+        """How far apart the numbers (n, d) are that can be kept there, or None where only their type says it."""
+        return None
+
     def put_back(self, edits: "Edits") -> None:  # noqa: B027 - a buffer's bytes are where they belong
         """Carry what changed in these bytes to where the file holds them."""
 
 
 @dataclass
 class Edits:
-    """What is to be written otherwise: bytes of spaces, and words of the text by their paths in its JSON."""
+    """What is to be written otherwise: bytes of spaces, and words of the text by their paths in its JSON.
+
+    added: what follows all bytes of a buffer; ends: where the last byte of it that is used ends.
+    """
 
     spaces: dict[Space, Bits] = field(default_factory=dict)
     words: dict[Path, str] = field(default_factory=dict)
+    added: dict["Buffer", bytearray] = field(default_factory=dict)
+    ends: Mapping["Buffer", int] = field(default_factory=dict)
 
     def of(self, space: Space) -> Bits:
         """The bytes of a space, to be changed."""
@@ -64,10 +83,39 @@ class Edits:
             self.spaces[space] = space.content.copy()
         return self.spaces[space]
 
+    def changed(self, buffer: "Buffer") -> bytes | None:
+        """All bytes that a buffer has now, or None when they are as they were."""
+        return self.spaces[buffer].tobytes() + self.added.get(buffer, b"") if buffer in self.spaces else None
+
     def put_back(self) -> None:
         """Carry all that was decoded back to the buffers."""
         for space in list(self.spaces):
             space.put_back(self)
+
+    def replace(self, place: "tuple[Buffer, int, int]", packed: bytes, number: int, path: Path) -> None:
+        """Put other bytes at a place (buffer ``number``, first byte, length); longer ones go behind all others.
+
+        Nothing stays of what was there: a copy without a mark would be in a file that is given away. ``path`` leads to
+        the object whose byteOffset and byteLength say where the bytes are.
+        """
+        buffer, start, length = place
+        here = self.of(buffer)[start : start + length]
+        here[:] = 0
+        self.words[*path, "byteLength"] = str(len(packed))
+        if len(packed) <= length:
+            here[: len(packed)] = np.frombuffer(packed, np.uint8)
+            return
+        n = len(buffer.content)
+        if buffer not in self.added and start + length >= self.ends.get(buffer, n):
+            packed = packed.ljust(n - start, b"\0")
+            self.of(buffer)[start:] = np.frombuffer(packed, np.uint8, n - start)
+            self.added[buffer] = bytearray(packed[n - start :])
+        else:
+            added = self.added.setdefault(buffer, bytearray())
+            added += bytes(-(n + len(added)) % _ALIGNMENT)
+            self.words[*path, "byteOffset"] = str(n + len(added))
+            added += packed
+        self.words["buffers", number, "byteLength"] = str(n + len(self.added[buffer]))
 
 
 class Buffer(Space):
@@ -133,16 +181,16 @@ class Buffers:
         """The asset with what was edited, and the ``wanted`` files beside it, under new names where they get one."""
         files, binary, words = {}, None, dict(edits.words)
         for number, buffer in enumerate(self._buffers):
-            changed = edits.spaces.get(buffer)
+            changed = edits.changed(buffer)
             if buffer.file in wanted and buffer.file:
                 name = names.get(buffer.file, buffer.file)
-                files[name] = (buffer.content if changed is None else changed).tobytes()
+                files[name] = buffer.content.tobytes() if changed is None else changed
                 if name != buffer.file:
                     words["buffers", number, "uri"] = json.dumps(quote(name, safe=_SAFE))
             elif changed is not None and buffer.is_chunk:
-                binary = changed.tobytes()
+                binary = changed
             elif changed is not None and buffer.uri is not None:
-                words["buffers", number, "uri"] = self._data_uri(number, changed.tobytes())
+                words["buffers", number, "uri"] = self._data_uri(number, changed)
         return {self._source.name: self._container.built(self._text(words), binary), **files}
 
     @cached_property
@@ -158,8 +206,14 @@ class Buffers:
         return self._container.text[slice(*span)] if span else ""
 
     def _text(self, words: Mapping[Path, str]) -> str:
-        places = {self.span(*path): new for path, new in words.items()}
-        return replaced(self._container.text, {span: new for span, new in places.items() if span})
+        """The text with other words at some paths; a key that is not there becomes the first of its object."""
+        changes: dict[Span, str] = {}
+        for path, new in words.items():
+            if span := self.span(*path):
+                changes[span] = new
+            elif parent := self.span(*path[:-1]):
+                changes[parent[0] + 1, parent[0] + 1] = f"{json.dumps(path[-1])}: {new}, "
+        return replaced(self._container.text, changes)
 
     def _data_uri(self, number: int, content: bytes) -> str:
         """A data URI of the same head as that of a buffer, as JSON writes it."""

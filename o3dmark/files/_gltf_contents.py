@@ -68,7 +68,7 @@ def check_extensions(root: Fields) -> None:
 
 def contents(root: Fields, value: dict[str, Any]) -> frozenset[str]:
     """The words for a file whose JSON is ``value``, or ``root``."""
-    words = {name for name in _LISTS if name in value and value[name]}
+    words = {name for name in _LISTS if value.get(name)}
     meshes, nodes = root.parts("meshes", "mesh"), root.parts("nodes", "node")
     words |= {word for mesh in meshes for word in _of_mesh(mesh)}
     words |= {"textures"} if value.get("textures") or value.get("images") else set()

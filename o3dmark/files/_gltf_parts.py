@@ -14,6 +14,8 @@ from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
 from o3dmark.files._gltf_accessors import Accessor, Accessors, Rows, Views
+from o3dmark.files._gltf_buffers import Buffer, Space
+from o3dmark.files._gltf_draco import Streams
 from o3dmark.files._gltf_overlaps import OTHERS, overlaps
 from o3dmark.files._gltf_primitives import Primitive, primitive
 from o3dmark.files._json_fields import Fields
@@ -63,17 +65,21 @@ class Bodies:
 def bodies(root: Fields, views: Views, accessors: Accessors, places: dict[int, list[Floats]], budget: Budget) -> Bodies:
     """The parts of a file whose meshes stand at ``places``. Errors: MeshError for a damaged file."""
     meshes = root.parts("meshes", "mesh")
+    streams = Streams(views, budget)
     primitives = [
-        [found for fields in mesh.parts("primitives", "primitive") if (found := primitive(fields, accessors))]
-        for mesh in meshes
+        [
+            found
+            for number, fields in enumerate(mesh.parts("primitives", "primitive"))
+            if (found := primitive(fields, place, number, accessors, streams))
+        ]
+        for place, mesh in enumerate(meshes)
     ]
-    roles = _roles(primitives)
-    collisions = overlaps(
-        [[rows for rows in (role[1].base, role[1].values) if rows] for role in roles],
-        _other_rows(root, views, accessors),
-        budget,
-    )
-    linked, fixed, left = _judged(list(roles), collisions)
+    roles = list(_roles(primitives))
+    kept = list(dict.fromkeys(rows.space.holds for _, accessor in roles for rows in accessor.all_rows))
+    held = [[_bytes(*place) for place in places_of] for places_of in kept]
+    owned = [[rows for rows in (accessor.base, accessor.values) if rows] for _, accessor in roles] + held
+    others = set(_other_rows(root, views, accessors)) - {rows for each in held for rows in each}
+    linked, fixed, left = _judged(roles, kept, overlaps(owned, others, budget))
     groups = _groups(primitives, linked)
     names = _names(meshes)
     made = []
@@ -99,7 +105,8 @@ def _roles(primitives: Iterable[Sequence[Primitive]]) -> dict[Role, int]:
 def _other_rows(root: Fields, views: Views, accessors: Accessors) -> Iterator[Rows]:
     """All bytes that are used for something that stays: other attributes, indices, images, data of extensions.
 
-    Of an accessor that nobody understands, and of a view without accessors, that is the whole view.
+    Of an accessor that nobody understands, and of a view without accessors, that is the whole view; of a compressed
+    view also where it is kept.
     """
     movable, other = _uses(root, len(accessors))
     understood = set()
@@ -114,12 +121,18 @@ def _other_rows(root: Fields, views: Views, accessors: Accessors) -> Iterator[Ro
             yield from accessor.all_rows
         elif accessor.places:
             yield accessor.places
-    for number in set(range(len(views))) - understood:
+    for number in range(len(views)):
         try:
             window = views[number]
         except MeshError:
             continue
-        yield Rows(window.space, window.start, window.length, 1, np.dtype("<u1"), 1)
+        if number not in understood:
+            yield _bytes(window.space, window.start, window.length)
+        yield from (_bytes(*place) for place in window.space.holds)
+
+
+def _bytes(space: Space, start: int, length: int) -> Rows:
+    return Rows(space, start, length, 1, np.dtype("<u1"), 1)
 
 
 def _uses(root: Fields, n_accessors: int) -> tuple[set[int], set[int]]:
@@ -144,11 +157,26 @@ def _uses(root: Fields, n_accessors: int) -> tuple[set[int], set[int]]:
 
 
 def _judged(
-    roles: list[Role], collisions: Iterable[tuple[int, int]]
+    roles: list[Role], kept: list[tuple[tuple[Buffer, int, int], ...]], collisions: set[tuple[int, int]]
 ) -> tuple[list[tuple[Accessor, Accessor]], dict[Accessor, str], set[Role]]:
-    """Positions that move as one, those that cannot move and why, and what else has to stay."""
-    linked, fixed, left = [], {}, set()
-    for one, other in sorted(collisions):
+    """Positions that move as one, those that cannot move and why, and what else has to stay.
+
+    The owners that collide are others, one of the roles, or one of the places where spaces are ``kept``, which stand
+    for all that is in these spaces.
+    """
+    n = len(roles)
+    spoiled = {kept[owner - n] for owners in collisions for owner in owners if owner >= n}
+    pairs = {owners for owners in collisions if max(owners) < n}
+    pairs |= {(OTHERS, one) for one, other in collisions if 0 <= one < n <= other}
+    pairs |= {
+        (OTHERS, place)
+        for place, (_, accessor) in enumerate(roles)
+        if not spoiled.isdisjoint(rows.space.holds for rows in accessor.all_rows)
+    }
+    linked: list[tuple[Accessor, Accessor]] = []
+    fixed: dict[Accessor, str] = {}
+    left: set[Role] = set()
+    for one, other in sorted(pairs):
         pair = [roles[number] if number != OTHERS else None for number in (one, other)]
         positions = [role[1] for role in pair if role and role[0] == _POSITION]
         left |= {role for role in pair if role and role[0] != _POSITION}
@@ -197,7 +225,7 @@ def _groups(primitives: list[list[Primitive]], linked: Iterable[tuple[Accessor, 
 
 def _names(meshes: Sequence[Fields]) -> list[str]:
     """What to call each mesh: its name where no other has it, or its number and its name."""
-    given = [mesh.text("name", "") for mesh in meshes]
+    given = [mesh.text("name", "").encode("utf-8", "replace").decode() for mesh in meshes]
     shown = [name if name.isprintable() else ascii(name)[1:-1] for name in given]
     counts: dict[str, int] = defaultdict(int)
     for name in shown:

@@ -11,6 +11,7 @@ from o3dmark.arrays import Ints
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
 from o3dmark.files._gltf_accessors import Accessor, Accessors
+from o3dmark.files._gltf_draco import Streams
 from o3dmark.files._json_fields import Fields
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -45,24 +46,33 @@ class Primitive:
         return triangles_of(self.mode, corners(self.where, self.indices, n_vertices))
 
 
-def primitive(fields: Fields, accessors: Accessors) -> Primitive | None:
-    """The primitive that the file describes, or None for one without positions.
+def primitive(fields: Fields, mesh: int, number: int, accessors: Accessors, streams: Streams) -> Primitive | None:
+    """Primitive ``number`` of a mesh, or None for one without positions.
 
     Errors: MeshError for attributes of different lengths.
     """
     attributes = fields.part("attributes")
     if "POSITION" not in attributes:
         return None
-    positions = vectors(attributes, "POSITION", accessors)
     mode = fields.whole("mode", _TRIANGLES)
     if mode >= _MODES:
         raise fields.wrong("mode", f"below {_MODES}")
-    indices = accessors[fields.number_of("indices", len(accessors))] if "indices" in fields else None
-    normals, tangents = (
-        vectors(attributes, name, accessors, positions.count) if name in attributes else None
-        for name in ("NORMAL", "TANGENT")
+    given = {"POSITION": vectors(attributes, "POSITION", accessors)}
+    for name in ("NORMAL", "TANGENT"):
+        if name in attributes:
+            given[name] = vectors(attributes, name, accessors, given["POSITION"].count)
+    if "indices" in fields:
+        given["indices"] = accessors[fields.number_of("indices", len(accessors))]
+    packed = dict(streams.accessors(fields, mesh, number, given))
+    given |= packed
+    return Primitive(
+        fields.where,
+        given["POSITION"],
+        given.get("indices"),
+        _TRIANGLES if packed else mode,  # Draco has triangles only
+        given.get("NORMAL"),
+        given.get("TANGENT"),
     )
-    return Primitive(fields.where, positions, indices, mode, normals, tangents)
 
 
 def vectors(attributes: Fields, name: str, accessors: Accessors, count: int | None = None) -> Accessor:

@@ -9,7 +9,7 @@ import numpy as np
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files._parsing import check_corners, ranges
-from o3dmark.files._text import Text
+from o3dmark.files._text import Text, where
 
 _SLASH = 47
 _COMMENT = re.compile(rb"(?<!\S)#")
@@ -82,8 +82,8 @@ class ObjText:
     def faces(self) -> Faces:
         """Errors: also for a corner that is no vertex."""
         counts = self._text.count[self._faces] - 1
-        words = self._text.spans[ranges(self._text.first[self._faces] + 1, counts)]
-        vertex, normal = _fields(words, np.flatnonzero(self._text.bytes == _SLASH))
+        words = self._text.places[ranges(self._text.first[self._faces] + 1, counts)]
+        vertex, normal = _fields(words, where(self._text.bytes, lambda block: block == _SLASH))
         try:
             vertices = self._text.integers(vertex)
         except ValueError:
@@ -97,7 +97,7 @@ class ObjText:
     def rests(self, word: bytes) -> list[bytes]:
         """What follows a word that lines begin with, to their ends."""
         lines = self._text.lines(word)
-        starts = self._text.spans[self._text.first[lines], 1].tolist()
+        starts = self._text.places[self._text.first[lines], 1].tolist()
         return [_REST.match(self._text.content, start)[0].strip() for start in starts]  # type: ignore[index]
 
     def kinds(self) -> frozenset[str]:
@@ -117,13 +117,13 @@ class ObjText:
         common = {word: self._text.lines(word) for word in (b"v", b"vt", b"vn", b"f")}
         rest = np.ones(len(self._text.first), bool)
         rest[np.concatenate(list(common.values()))] = False
-        spans = self._text.spans[self._text.first[rest]].tolist()
+        spans = self._text.places[self._text.first[rest]].tolist()
         return {word for word, lines in common.items() if len(lines)} | {self._text.content[a:b] for a, b in spans}
 
     def _columns(self, lines: Ints, first: int) -> Ints:
-        """Where three words of each line stand (k, 3, 2), the first of them after ``first`` words, as far as it goes."""
+        """Where three words of each line stand (k, 3, 2), from that numbered ``first`` on; empty beyond it."""
         columns, count = np.arange(first, first + 3), self._text.count[lines, None]
-        spans = self._text.spans[self._text.first[lines, None] + np.minimum(columns, count - 1)]
+        spans = self._text.places[self._text.first[lines, None] + np.minimum(columns, count - 1)]
         return np.where((columns < count)[..., None], spans, spans[..., 1:])
 
     def _from_zero(self, indices: Ints, lines: Ints, counts: Ints) -> Ints:
@@ -158,13 +158,15 @@ class ObjText:
 
 def _joined(content: bytes) -> bytes:
     """An OBJ file with blanks for the ends of lines that go on, as long as it was."""
-    if b"\\\n" not in content and b"\\\r" not in content:
+    if b"\\" not in content:
         return content
     return _CONTINUED.sub(lambda end: end[0] if end[0].startswith(b"#") else b" " * len(end[0]), content)
 
 
 def _fields(words: Ints, slashes: Ints) -> tuple[Ints, Ints]:
     """Where in the words of corners (c, 2) the vertex stands, and where, after two slashes, the normal, if any."""
+    if not len(slashes):
+        return words, words[:, 1:].repeat(2, axis=1)
     start, end = words.T
     following = np.searchsorted(slashes, start)
     slashes = np.append(slashes, [np.iinfo(np.int64).max] * 2)

@@ -80,8 +80,8 @@ def parsed(path: Path, content: bytes) -> OffText:
     head = _head(path, text)
     check_size(path, 6 * head.vertices + 2 * head.faces, len(content))
     layout = _layout(path, text, head)
-    corner_places = text.spans[ranges(layout.faces + 1, layout.counts)]
-    places = [text.spans[layout.vertices[:, None] + np.arange(first, first + 3)] for first in range(0, head.least, 3)]
+    corner_places = text.places[ranges(layout.faces + 1, layout.counts)]
+    places = [text.places[layout.vertices[:, None] + np.arange(first, first + 3)] for first in range(0, head.least, 3)]
     try:
         columns = [text.floats(place) for place in places]
     except ValueError:
@@ -124,14 +124,14 @@ def _head(path: Path, text: Text) -> _Head:
         raise MeshError(f"{path.name} is a {kind} file, of more than three dimensions; only those of three can be used")
     if found["binary"]:
         raise MeshError(f"{path.name} is a binary OFF file; save it as text, or in another format")
-    word = int(np.searchsorted(text.spans[:, 0], found.end()))
+    word = int(np.searchsorted(text.places[:, 0], found.end()))
     return _Head(letters.decode().upper(), int(found["vertices"]), int(found["faces"]), word)
 
 
 def _layout(path: Path, text: Text, head: _Head) -> _Layout:
     """A vertex a line, and a face; or else as Geomview reads: only what follows a face ends with the line."""
     first = np.union1d(head.word, text.first[text.first > head.word])
-    count = np.diff(first, append=len(text.spans))
+    count = np.diff(first, append=len(text.places))
     if len(first) > 1 and count[0] == 1 and count[1] >= 3:  # the number of edges, on a line of its own
         first, count = first[1:], count[1:]
     try:
@@ -151,7 +151,7 @@ def _by_lines(path: Path, text: Text, head: _Head, first: Ints, count: Ints) -> 
         raise _no_vertex(path, head)
     faces = first[n : n + m]
     try:
-        sizes = text.integers(text.spans[faces])
+        sizes = text.integers(text.places[faces])
     except ValueError:
         raise MeshError(f"{path.name}: {_FACE}") from None
     further = count[n : n + m] - 1 - sizes
@@ -162,7 +162,7 @@ def _by_lines(path: Path, text: Text, head: _Head, first: Ints, count: Ints) -> 
 
 def _by_words(text: Text, head: _Head, first: list[int]) -> _Layout | None:
     """None where the vertices do not end with a line, or the faces with the file: then something is missing."""
-    content, n_words = text.bytes.tobytes(), len(text.spans)
+    content, n_words = text.bytes.tobytes(), len(text.places)
     word = first[0] + head.vertices * head.width
     vertices = np.arange(first[0], word, head.width)
     first.append(n_words)
@@ -170,7 +170,7 @@ def _by_words(text: Text, head: _Head, first: list[int]) -> _Layout | None:
         return None
     faces, sizes, more = [], [], False
     while len(faces) < head.faces:
-        start, end = text.spans[word] if word < n_words else (0, 0)
+        start, end = text.places[word] if word < n_words else (0, 0)
         size = content[start:end]
         if not size.isdigit() or int(size[:18]) >= n_words - word:
             return None

@@ -53,21 +53,23 @@ class Columns:
         Errors: MeshError for a new number that is not finite or, unless ``clipped``, beyond what its type holds.
         """
         result = np.empty_like(self.values)
-        for k, p in enumerate(self._properties):
-            result[:, k] = _rounded(values[:, k], p.kind, text=not self._rows.body.order, clipped=clipped)
-            lost = ~np.isfinite(result[:, k]) & differs(values[:, k], self.values[:, k])
-            if lost.any():
+        for k, kind in enumerate(self.kinds):
+            result[:, k] = _rounded(values[:, k], kind, text=not self._rows.body.order, clipped=clipped)
+        if not np.isfinite(result).all():
+            lost = ~np.isfinite(result) & differs(values, self.values)
+            for row, k in np.argwhere(lost)[:1]:
+                p = self._properties[k]
                 raise MeshError(
-                    f"{self._rows.body.name}: a vertex cannot be at {p.name} = {values[lost, k][0]:g},"
+                    f"{self._rows.body.name}: a vertex cannot be at {p.name} = {values[row, k]:g},"
                     f" which is no number of its type ({np.dtype(p.kind).name})"
                 )
         return result
 
     def put(self, body: Body, values: Floats) -> None:
         """Write what `rounded` gave into a binary body, the caller's own, where it differs from what is there."""
-        rows = self._rows.within(body)
+        rows, changed = self._rows.within(body), differs(values, self.values)
         for k, p in enumerate(self._properties):
-            rows.put(p, values[:, k], differs(values[:, k], self.values[:, k]))
+            rows.put(p, values[:, k], changed[:, k])
 
     def changes(
         self, values: Floats, text: bytes, starts: Ints, ends: Ints

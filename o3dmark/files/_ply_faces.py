@@ -11,26 +11,27 @@ _ROOM = 1 << 27  # bytes that triangles may take however small their file is
 _SHARE = 8  # and times the size of the file; a triangle takes 24, and 4 or less as a corner of a long polygon
 
 
-def polygons(rows: Rows, corners: Property, n_vertices: int) -> tuple[Ints, int]:
-    """Faces as triangles (m, 3), polygons as fans about their first corners; and the most corners that one has.
+def polygons(rows: Rows, corners: Property, n_vertices: int) -> tuple[Ints, tuple[int, int]]:
+    """Faces as triangles (m, 3), polygons as fans about their first corners; and the fewest and most corners of one.
 
     Errors: MeshError for a corner that is none of the vertices, and for a file with far more corners than it has room.
     """
     if rows.even:
         items = rows.block(corners)
-        most = items.shape[1]
+        fewest = most = items.shape[1]
         _check_room(rows, len(items) * max(most - 2, 0))
         triangles = _whole(rows, items if most == 3 else items[:, _fan(most)]).reshape(-1, 3)
     else:
         from o3dmark.files._ragged import fans
 
         places, lengths = rows.lists(corners)
-        most, count = int(lengths.max()), int(np.maximum(lengths - 2, 0).sum(dtype=np.int64))
+        fewest, most = int(lengths.min()), int(lengths.max())
+        count = int(np.maximum(lengths - 2, 0).sum(dtype=np.int64))
         _check_room(rows, count)
         triangles = np.empty((count, 3), np.int64)
         fans(_whole(rows, rows.items(corners, places, lengths)), lengths, triangles)
     _check_corners(rows, triangles, n_vertices)
-    return triangles, most
+    return triangles, (fewest, most)
 
 
 def strips(rows: Rows, corners: Property, n_vertices: int) -> Ints:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray, Bools, Ints
+from o3dmark.arrays import AnyArray, Bools
 from o3dmark.errors import MeshError
 from o3dmark.files._ply_header import Element, Header, Property
 from o3dmark.files._text import floats
@@ -54,13 +54,13 @@ class Body:
         unit = self.data.itemsize
         return np.ndarray(shape, self.dtype(kind), self.data, start * unit, tuple(unit * step for step in strides))
 
-    def take(self, kind: str, places: Ints) -> AnyArray:
+    def take(self, kind: str, places: AnyArray) -> AnyArray:
         """The numbers of a kind that begin at these places (n,), copied."""
         if not self.order:
             return self.data[places]
         return self.data[places[:, None] + np.arange(self.size(kind))].view(self.dtype(kind))[:, 0]
 
-    def put(self, kind: str, places: Ints, values: AnyArray) -> None:
+    def put(self, kind: str, places: AnyArray, values: AnyArray) -> None:
         """The opposite of `take`, for bytes that are the caller's own."""
         written = values.astype(self.dtype(kind))[:, None].view(np.uint8)
         self.data[places[:, None] + np.arange(self.size(kind))] = written
@@ -128,12 +128,12 @@ class Rows:
         shape, step = (self.element.count, self.lengths[which]), self.body.size(name.kind)
         return self.body.view(name.kind, offset, shape, (self.stride, step))
 
-    def lists(self, name: Property) -> tuple[Ints, Ints]:
+    def lists(self, name: Property) -> tuple[AnyArray, AnyArray]:
         """Where the lists in uneven rows begin (n,), in units, and how long they are (n,)."""
         _, places, lengths = _walk(self.body, self.element, self.start, name)
         return places, lengths
 
-    def items(self, name: Property, places: Ints, lengths: Ints) -> AnyArray:
+    def items(self, name: Property, places: AnyArray, lengths: AnyArray) -> AnyArray:
         """The items of all these lists (k,), in their own type, or as whole numbers of a text."""
         from o3dmark.files._ragged import gather  # numba takes a fifth of a second to load, and few files need it
 
@@ -142,7 +142,7 @@ class Rows:
         gather(self.body.data, places, lengths, size, self.body.order == ">", bits)
         return bits.astype(f"u{size}").view(name.kind) if self.body.order else bits
 
-    def places(self, name: Property) -> Ints:
+    def places(self, name: Property) -> AnyArray:
         """Where a property that is no list stands (n,), in units."""
         if not self.even:
             return _walk(self.body, self.element, self.start, name)[1]
@@ -194,7 +194,7 @@ def _first_lengths(body: Body, element: Element, start: int) -> tuple[int, ...]:
     return tuple(lengths)
 
 
-def _walk(body: Body, element: Element, start: int, wanted: Property | None) -> tuple[int, Ints, Ints]:
+def _walk(body: Body, element: Element, start: int, wanted: Property | None) -> tuple[int, AnyArray, AnyArray]:
     """Where the rows end; and of a property where it, or the first item of it, stands (n,), and how many there are."""
     from o3dmark.files._ragged import NOT_WHOLE, walk
 
@@ -203,8 +203,9 @@ def _walk(body: Body, element: Element, start: int, wanted: Property | None) -> 
     items = np.array([body.size(p.kind) if p.counted else 0 for p in properties], np.int64)
     signed = np.array([body.order != "" and p.counted[:1] == "i" for p in properties])
     which = -1 if wanted is None else properties.index(wanted)
-    rows, dtype = 0 if wanted is None else element.count, np.int32 if len(body.data) < 1 << 31 else np.int64
-    places, lengths = np.empty(rows, dtype), np.empty(rows, dtype)
+    rows = 0 if wanted is None else element.count
+    dtype = np.int32 if len(body.data) < 1 << 31 else np.int64  # a row may be one byte of the file
+    places, lengths = (np.empty(rows, dtype) for _ in range(2))
     found, end, negative = walk(
         body.data, start, element.count, sizes, items, signed, body.order == ">", which, places, lengths
     )

@@ -7,13 +7,11 @@ its items.
 import numpy as np
 from numba import njit
 
-from o3dmark.arrays import AnyArray, Bools, Ints
-
 NOT_WHOLE = -(1 << 62)  # stands for a word that is no whole number: neither a length nor a vertex
 
 
 @njit(cache=True, nogil=True)
-def _unsigned(data: AnyArray, at: int, size: int, big: bool) -> int:
+def _unsigned(data, at, size, big):  # type: ignore[no-untyped-def]
     if size == 1:
         number = np.int64(data[at])
         return number if number == data[at] else np.int64(NOT_WHOLE)
@@ -24,18 +22,7 @@ def _unsigned(data: AnyArray, at: int, size: int, big: bool) -> int:
 
 
 @njit(cache=True, nogil=True)
-def walk(
-    data: AnyArray,
-    start: int,
-    rows: int,
-    sizes: Ints,
-    items: Ints,
-    signed: Bools,
-    big: bool,
-    which: int,
-    places: Ints,
-    lengths: Ints,
-) -> tuple[int, int, int]:
+def walk(data, start, rows, sizes, items, signed, big, which, places, lengths):  # type: ignore[no-untyped-def]
     """Goes through rows of properties, each a number of ``sizes`` or, where ``items`` > 0, a list of such after it.
 
     Returns how many whole rows there are, where they end, and the length of the list that is negative, or 0. For
@@ -65,7 +52,7 @@ def walk(
 
 
 @njit(cache=True, nogil=True)
-def gather(data: AnyArray, places: Ints, lengths: Ints, size: int, big: bool, out: Ints) -> None:
+def gather(data, places, lengths, size, big, out):  # type: ignore[no-untyped-def]
     """All items of lists, one after the other: their bits, without a sign."""
     done = 0
     for row in range(len(places)):
@@ -75,7 +62,7 @@ def gather(data: AnyArray, places: Ints, lengths: Ints, size: int, big: bool, ou
 
 
 @njit(cache=True, nogil=True)
-def fans(items: Ints, lengths: Ints, out: Ints) -> None:
+def fans(items, lengths, out):  # type: ignore[no-untyped-def]
     """Polygons as triangles (m, 3) about their first corners."""
     at, done = 0, 0
     for length in lengths:
@@ -88,7 +75,7 @@ def fans(items: Ints, lengths: Ints, out: Ints) -> None:
 
 
 @njit(cache=True, nogil=True)
-def strips(items: Ints, lengths: Ints, out: Ints) -> int:
+def strips(items, lengths, out):  # type: ignore[no-untyped-def]
     """Strips as triangles, every second one turned; after a -1 another strip begins. Returns how many there are."""
     at, done = 0, 0
     for length in lengths:

@@ -73,7 +73,7 @@ def _places(name: str, text: bytes, starts: Ints, ends: Ints) -> Ints:
     if whole and len(facets):
         every = np.concatenate([facets[:, None], corners.reshape(-1, 3), loops[:, None]], axis=1).ravel()
         whole = bool((np.diff(every) > 0).all() and (np.diff(np.append(corners, loops[-1])) > 3).all())
-        whole = whole and equal(text, starts[normals], ends[normals], b"normal").all()
+        whole = whole and bool(equal(text, starts[normals], ends[normals], b"normal").all())
     if not whole:
         raise MeshError(
             f"{name} is truncated or damaged: {len(facets)} facets begin in it, with {len(corners)} vertices instead of"

@@ -3,6 +3,7 @@
 import math
 import re
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -16,7 +17,10 @@ from o3dmark.files.asset import Part
 from o3dmark.mesh import geometry
 
 Bytes: TypeAlias = NDArray[np.uint8]
-Edit: TypeAlias = tuple[Ints, bytes]
+Places: TypeAlias = NDArray[np.signedinteger]
+"""Where words start and end in a text (..., 2); four bytes a number where these are enough."""
+
+Edit: TypeAlias = tuple[Places, bytes]
 """Places (k, 2), ascending, and a text of k words that are to stand there."""
 
 _FINEST = 1e-8  # of the diagonal: like float32's own steps at the rim of a mesh about the origin
@@ -24,41 +28,53 @@ _LONGEST = 15  # decimals; numbers that need more are written with all digits th
 _TURNED = 1e-12  # of a normal: what turning it by nothing may cost
 _SPACE, _HASH, _LF, _CR = 32, 35, 10, 13
 _BOM = b"\xef\xbb\xbf"
+_BLOCK = 1 << 17  # bytes, or words, that are looked at together, so that they stay in a processor's cache
 
 
 class Text:
     """The words of a text, and its lines; what follows a "#" on a line is no word, nor is a byte order mark.
 
-    content: the text, and bytes (s,): the same without comments.
-    spans (w, 2): where each word starts and ends, in bytes. For each line that has words: ``first`` (l,), the number of
-    its first, and ``count`` (l,), how many they are. Lines end with LF, CRLF or CR.
+    content: the text, and bytes (s,): the same without comments. places (w, 2) of words. For each line that has words:
+    ``first`` (l,), the number of its first, and ``count`` (l,), how many they are. Lines end with LF, CRLF or CR.
     """
 
     def __init__(self, content: bytes) -> None:
         self.content = content = b"   " + content[len(_BOM) :] if content.startswith(_BOM) else content
         text = np.frombuffer(content, np.uint8)
-        ends = np.flatnonzero((text == _LF) | (text == _CR) if b"\r" in content else text == _LF)
+        ends = where(text, lambda block: (block == _LF) | (block == _CR))
         self.bytes = _without_comments(text, ends) if b"#" in content else text
-        self.spans = _spans(self.bytes)
-        first = np.searchsorted(self.spans[:, 0], np.append(0, ends))
-        count = np.diff(first, append=len(self.spans))
+        self.places = _words(self.bytes)
+        first = np.append(0, np.searchsorted(self.places[:, 0], ends))
+        count = np.diff(first, append=len(self.places))
         self.first, self.count = first[count > 0], count[count > 0]
+        self._starts, ends = self.places[self.first].T
+        self._lengths = ends - self._starts  # of the words that lines begin with
 
     def lines(self, word: bytes) -> Ints:
         """The lines (k,) that begin with a word."""
-        start, end = self.spans[self.first].T
-        lines = np.flatnonzero(end - start == len(word))
+        lines = np.flatnonzero(self._lengths == len(word))
         for place, byte in enumerate(word):
-            lines = lines[self.bytes[start[lines] + place] == byte]
+            lines = lines[self.bytes[self._starts[lines] + place] == byte]
         return lines
 
-    def floats(self, spans: Ints) -> Floats:
-        """What each of spans (..., 2), ascending, says. Errors: ValueError where it is no number."""
-        return _numbers(only(self.bytes, spans), np.float64, spans.shape[:-1])
+    def floats(self, places: Places) -> Floats:
+        """What stands at places (..., 2), ascending. Errors: ValueError where that is no number."""
+        return self._numbers(places, np.float64)
 
-    def integers(self, spans: Ints) -> Ints:
+    def integers(self, places: Places) -> Ints:
         """As `floats`; what needs more than 64 bits becomes the largest that they hold."""
-        return _numbers(only(self.bytes, spans), np.int64, spans.shape[:-1])
+        return self._numbers(places, np.int64)
+
+    def _numbers(self, places: Places, dtype: type[np.generic]) -> AnyArray:
+        words = places.reshape(-1, 2)
+        values = np.empty(len(words), dtype)
+        for start in range(0, len(words), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            numbers = _parsed(only(self.bytes, words[block]), dtype)
+            if len(numbers) != len(words[block]):  # as where "1-2" is taken for two
+                raise ValueError
+            values[block] = numbers
+        return values.reshape(places.shape[:-1])
 
 
 def floats(path: Path, text: bytes, what: str, width: int = 3) -> Floats:
@@ -75,14 +91,20 @@ def floats(path: Path, text: bytes, what: str, width: int = 3) -> Floats:
     return values.reshape(-1, width)
 
 
-def only(text: Bytes, spans: Ints) -> bytes:
-    """A text with blanks for all but spans (..., 2), ascending; without what is before the first and after the last."""
-    spans = spans.reshape(-1, 2)
-    spans = spans[spans[:, 0] < spans[:, 1]]
-    if not len(spans):
+def where(text: Bytes, condition: Callable[[Bytes], Bools]) -> Places:
+    """Where in a text (s,) a condition on its bytes holds (k,)."""
+    blocks = [np.flatnonzero(condition(text[at : at + _BLOCK])) + at for at in range(0, len(text), _BLOCK)]
+    return _places(blocks, len(text))
+
+
+def only(text: Bytes, places: Places) -> bytes:
+    """A text with blanks for all but places (..., 2), ascending; from the start of the first to the end of the last."""
+    words = places.reshape(-1, 2)
+    words = words[words[:, 0] < words[:, 1]]
+    if not len(words):
         return b""
-    start, end = spans[0, 0], spans[-1, 1]
-    return np.where(_mask(end - start, spans - start), text[start:end], np.uint8(_SPACE)).tobytes()
+    start, end = words[0, 0], words[-1, 1]
+    return np.where(_mask(end - start, words - start), text[start:end], np.uint8(_SPACE)).tobytes()
 
 
 def spliced(content: bytes, *edits: Edit) -> bytes:
@@ -133,7 +155,7 @@ class Notation:
 EXACT = Notation(17, exact=True)
 
 
-def moved_rows(content: bytes, places: Ints, part: Part, after: Floats) -> Edit:
+def moved_rows(content: bytes, places: Places, part: Part, after: Floats) -> Edit:
     """The vertices of a part, which stand at places (n, 3, 2), written again where they move to ``after`` (n, 3).
 
     A vertex that moves to just where another stays gets all its digits: rounded, it would not be there.
@@ -148,7 +170,7 @@ def moved_rows(content: bytes, places: Ints, part: Part, after: Floats) -> Edit:
     return places[moves].reshape(-1, 2), b"\n".join(rows)
 
 
-def turned_rows(content: bytes, places: Ints, before: Floats, after: Floats) -> Edit:
+def turned_rows(content: bytes, places: Places, before: Floats, after: Floats) -> Edit:
     """Normals (k, 3) written again at their places (k, 3, 2), where their own digits can tell the difference."""
     notation = Notation.of(only(np.frombuffer(content, np.uint8), places), 0.0)
     least = np.maximum(_TURNED * np.abs(before).max(axis=1), 0.0 if notation.exact else 0.5 * 10.0**-notation.decimals)
@@ -163,40 +185,40 @@ def _diagonal(part: Part) -> float:
     return geometry.diagonal(used) if len(used) else 0.0
 
 
-def _without_comments(text: Bytes, ends: Ints) -> Bytes:
+def _without_comments(text: Bytes, ends: Places) -> Bytes:
     """A copy with blanks from the first "#" of each line to its end; ``ends``: where lines end."""
-    start = np.flatnonzero(text == _HASH)
+    start = where(text, lambda block: block == _HASH)
     line, first = np.unique(np.searchsorted(ends, start), return_index=True)
-    spans = np.column_stack([start[first], np.append(ends, len(text))[line]])
-    return np.where(_mask(len(text), spans), np.uint8(_SPACE), text)
+    comments = np.column_stack([start[first], np.append(ends, len(text))[line]])
+    return np.where(_mask(len(text), comments), np.uint8(_SPACE), text)
 
 
-def _spans(text: Bytes) -> Ints:
+def _words(text: Bytes) -> Places:
     """Where words (w, 2) start and end: whatever is above a space."""
-    solid = np.zeros(len(text) + 2, bool)
-    np.greater(text, _SPACE, out=solid[1:-1])
-    return np.flatnonzero(solid[1:] != solid[:-1]).reshape(-1, 2)
+    edges, before = [], np.False_
+    for at in range(0, len(text), _BLOCK):
+        solid = text[at : at + _BLOCK] > _SPACE
+        edges.append(np.flatnonzero(np.diff(solid, prepend=before)) + at)
+        before = solid[-1]
+    return _places([*edges, np.full(int(before), len(text))], len(text)).reshape(-1, 2)
+
+
+def _places(blocks: list[Ints], size: int) -> Places:
+    dtype = np.int32 if size < 1 << 31 else np.int64
+    return np.concatenate([np.empty(0, dtype), *(block.astype(dtype) for block in blocks)])
 
 
 def _lengths(text: Bytes) -> Ints:
-    spans = _spans(text)
-    return spans[:, 1] - spans[:, 0]
+    places = _words(text)
+    return places[:, 1] - places[:, 0]
 
 
-def _mask(size: int, spans: Ints) -> Bools:
-    """True (size,) within spans (..., 2), no two of which overlap."""
+def _mask(size: int, places: Places) -> Bools:
+    """True (size,) within places (k, 2), no two of which overlap."""
     edges = np.zeros(size + 1, np.int8)
-    start, end = spans.reshape(-1, 2).T
-    edges[start] += 1
-    edges[end] -= 1
+    edges[places[:, 0]] += 1
+    edges[places[:, 1]] -= 1
     return np.cumsum(edges[:-1], dtype=np.int8).view(bool)
-
-
-def _numbers(text: bytes, dtype: type[np.generic], shape: tuple[int, ...]) -> AnyArray:
-    values = _parsed(text, dtype)
-    if len(values) != math.prod(shape):  # as where "1-2" is taken for two
-        raise ValueError
-    return values.reshape(shape)
 
 
 def _parsed(text: bytes, dtype: type[np.generic]) -> AnyArray:

@@ -12,6 +12,7 @@ import numpy as np
 from o3dmark.arrays import AnyArray, Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
+from o3dmark.files._dressing import dressed
 from o3dmark.files._gltf_accessors import Accessor, Accessors, Views
 from o3dmark.files._gltf_buffers import Buffer, Buffers, Edits, file_of
 from o3dmark.files._gltf_container import Container
@@ -20,8 +21,12 @@ from o3dmark.files._gltf_parts import Bodies, Body, Piece, bodies
 from o3dmark.files._gltf_scene import placements
 from o3dmark.files._json_fields import Fields
 from o3dmark.files.asset import Asset, Moved
-from o3dmark.files.references import Source
+from o3dmark.files.references import Source, inside
 from o3dmark.mesh.normals import turned
+from o3dmark.mesh.surface import TriangleMesh
+
+_SCENE = 10, 256 << 20  # bytes of a scene as one mesh: times the file, and beside
+_OPEN3D_HAS = {"normals", "texture coordinates", "vertex colours", "materials", "textures"}
 
 
 class Gltf(Asset):
@@ -41,28 +46,53 @@ class Gltf(Asset):
         self._root = Fields(source.name, self._container.value)
         _check_version(self._root)
         check_extensions(self._root)
-        budget = Budget(source.name, len(content))
+        budget = self._budget = Budget(source.name, len(content))
         self._buffers = Buffers(source, self._container, self._root, budget)
-        views = Views(self._buffers, self._root)
-        accessors = Accessors(views, self._root, budget)
+        self._views = Views(self._buffers, self._root, budget)
+        accessors = Accessors(self._views, self._root, budget)
         places = placements(self._root, accessors, budget)
-        self._bodies: Bodies = bodies(self._root, views, accessors, places, budget)
+        self._bodies: Bodies = bodies(self._root, self._views, accessors, places, budget)
         self.parts = tuple(body.part for body in self._bodies.bodies)
         images = [image.text("uri") for image in self._root.parts("images", "image") if "uri" in image]
         self.references = tuple(dict.fromkeys([*self._buffers.files, *filter(None, map(file_of, images))]))
         self.changing = tuple(dict.fromkeys(buffer.file for buffer in self._moving_buffers() if buffer.file))
 
     @cached_property
-    def contents(self) -> frozenset[str]:  # type: ignore[override]
+    def contents(self) -> frozenset[str]:
         return contents(self._root, self._container.value)
 
     def with_positions(self, moved: Moved, names: Mapping[str, str] | None = None) -> dict[str, bytes]:
         self.check(moved)
-        edits = Edits()
+        edits = Edits(ends=self._views.ends())
         for number, vertices in moved.items():
             self._move(edits, self._bodies.bodies[number], vertices)
         edits.put_back()
         return self._buffers.written(edits, names or {}, self.changing)
+
+    def mesh(self) -> TriangleMesh:
+        """All parts at all their places, with the textures, colours and normals that Open3D reads in the file, if any.
+
+        Errors: MeshError where the parts stand at so many places that they exhaust memory.
+        """
+        rows = [len(part.placements) * (len(part.vertices) + 2 * len(part.triangles)) for part in self.parts]
+        if 24 * sum(rows) > _SCENE[0] * self._budget.size + _SCENE[1]:
+            raise MeshError(
+                f"{self.name}: its {len(self.parts)} meshes stand at {sum(len(part.placements) for part in self.parts)}"
+                " places, which is too much for one mesh; save those that are wanted in a file of their own"
+            )
+        exact = super().mesh()
+        return self._dressed(exact) or exact
+
+    def _dressed(self, exact: TriangleMesh) -> TriangleMesh | None:
+        """Open3D's reading, where it has more than positions and follows nothing out of the folder."""
+        if not self.contents & _OPEN3D_HAS or self.source.files or not self.path.is_file():
+            return None
+        try:
+            for name in self.references:
+                inside(self.path, name)
+        except MeshError:
+            return None
+        return dressed(self.path, exact)
 
     def _moving_buffers(self) -> Iterable[Buffer]:
         """The buffers that hold positions, normals or tangents that can change."""
@@ -88,10 +118,10 @@ class Gltf(Asset):
                 block.write(edits, raw, changed[rows].any(axis=1))
                 after[rows] = block.floats(raw)
                 for number in body.numbers[block]:
-                    self._bound(edits, number, block, raw)
+                    self._bound(edits, number, raw)
         self._turn(edits, body, after)
 
-    def _bound(self, edits: Edits, number: int, block: Accessor, raw: AnyArray) -> None:
+    def _bound(self, edits: Edits, number: int, raw: AnyArray) -> None:
         """Replace what accessor ``number`` announces as its least and greatest numbers, where it is not true."""
         for key, extremes in (("min", raw.min(axis=0)), ("max", raw.max(axis=0))):
             path = "accessors", number, key

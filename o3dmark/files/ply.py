@@ -42,7 +42,7 @@ class Ply(Asset):
         self._content = source.read()
         self._header = Header.of(self.name, self._content)
         self._body = Body.of(source.path, self._header, self._content)
-        rows = _rows(self._body, self._header)
+        rows, self._left = _rows(self._body, self._header)
         vertex = rows.get("vertex")
         self._vertex = vertex if vertex is not None and vertex.element.count else None
         self._position = self._columns(_POSITION)
@@ -105,7 +105,7 @@ class Ply(Asset):
                 full = [_FULL.get(kind, 255.0) for kind in colours.kinds]
                 set_colours(mesh, colours.values / full)
         if self._normal is not None:
-            mesh.vertex_normals = o3d.utility.Vector3dVector(self._normal.values)
+            mesh.vertex_normals = o3d.utility.Vector3dVector(self._normal.values.copy())
         return mesh
 
     def _columns(self, names: tuple[str, ...]) -> Columns | None:
@@ -120,7 +120,12 @@ class Ply(Asset):
             if corners is None or not rows[name].element.count:
                 continue
             if name == "face":
-                triangles, most = polygons(rows[name], corners, n_vertices)
+                triangles, (fewest, most) = polygons(rows[name], corners, n_vertices)
+                if not fewest or (fewest < 3 and self._left):  # whatever stands there was read as a length
+                    raise MeshError(
+                        f"{self.name} is truncated or damaged: it announces {n_vertices} vertices and"
+                        f" {rows[name].element.count} faces, but read so some faces have {fewest} corners"
+                    )
             else:
                 triangles = strips(rows[name], corners, n_vertices)
             faces.append(triangles)
@@ -160,14 +165,14 @@ def counts(path: Path) -> tuple[int, int]:
     return Ply(Source(path)).counts
 
 
-def _rows(body: Body, header: Header) -> dict[str, Rows]:
-    """The rows of each element, of several of a name the first."""
+def _rows(body: Body, header: Header) -> tuple[dict[str, Rows], int]:
+    """The rows of each element, of several of a name the first; and how many bytes or words the last one leaves."""
     rows, end = dict[str, Rows](), 0
     for element in header.elements:
         placed = Rows.of(body, element, end)
         rows.setdefault(element.name, placed)
         end = placed.end
-    return rows
+    return rows, len(body.data) - end
 
 
 def _word(element: str, name: str) -> str:

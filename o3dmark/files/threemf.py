@@ -1,7 +1,7 @@
 """3MF: a zip archive with models in XML, as slicers write them; only the x, y and z of its vertices change.
 
-Everything else of the archive stays byte for byte: the other files, and in a model all but the digits of coordinates that
-moved. Lattices, and what else refers to vertices by their numbers, move with them.
+Everything else of the archive stays byte for byte: the other files, and in a model all but the digits of coordinates
+that moved. Lattices, and what else refers to vertices by their numbers, move with them.
 """
 
 import re
@@ -43,7 +43,7 @@ class _Mesh:
 class ThreeMf(Asset):
     """A 3MF file. Each object that has a mesh is a part, placed wherever the build uses it; else where it is.
 
-    Errors: MeshError for an archive or a model that is damaged, encrypted, unfolds without bounds or contradicts itself.
+    Errors: MeshError for what is damaged, encrypted, unfolds without bounds or contradicts itself.
     """
 
     def __init__(self, source: Source) -> None:
