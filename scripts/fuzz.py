@@ -67,7 +67,8 @@ def fuzzed(name: str, seconds: float) -> int:
         corpus = Path(folder) / "corpus"
         corpus.mkdir()
         for number, seed in enumerate(fuzz_targets.TARGETS[name].seeds()):
-            (corpus / f"seed{number}").write_bytes(seed[:LARGEST])
+            if len(seed) <= LARGEST:
+                (corpus / f"seed{number}").write_bytes(seed)
         for _ in range(RESTARTS):
             if (left := end - time.monotonic()) < 1.0:
                 break
@@ -151,7 +152,7 @@ class Watch:
     """Parses one input after the other, and keeps what must not happen, once for each place in the code."""
 
     def __init__(self, name: str, folder: Path, findings: Path) -> None:
-        import o3dmark.files  # noqa: F401: whatever is imported at first use
+        import o3dmark.files  # noqa: F401 - whatever is imported at first use
         from o3dmark.errors import O3dmarkError
 
         self.allowed = O3dmarkError
@@ -196,9 +197,9 @@ def _resident() -> int:
 
 
 def _place(error: BaseException) -> str:
-    """A name for where an error came from: its type, and the last line of o3dmark that it passed."""
+    """A name for where an error came from: its type and the last line of o3dmark that it passed, or else its words."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "o3dmark" in frame.filename]
-    where = f"{Path(frames[-1].filename).stem}-{frames[-1].lineno}" if frames else "elsewhere"
+    where = f"{Path(frames[-1].filename).stem}-{frames[-1].lineno}" if frames else str(error)[:30].replace(" ", "-")
     return f"{type(error).__name__}-{where}"
 
 

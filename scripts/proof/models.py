@@ -1,7 +1,6 @@
 """GLB files such as people have, made from the synthetic bust: all hold a mark, each has one speciality."""
 
 import io
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,6 @@ from o3dmark.mesh.surface import mesh_arrays
 BODY = Path(__file__).parents[2] / "data_synthetic" / "bimba.ply"
 QUANTISED = "KHR_mesh_quantization"
 NECK = 0.45  # of the height: above it the second joint turns
-OPC = "http://schemas.openxmlformats.org/package/2006"
-OPC_3MF = "http://schemas.microsoft.com/3dmanufacturing"
-OPC_MODEL = "application/vnd.ms-package.3dmanufacturing-3dmodel+xml"
 STEPS = 2**14 - 1  # of positions in KHR_mesh_quantization, as gltfpack has them
 
 
@@ -121,26 +117,6 @@ def rigged() -> bytes:
     glb.document["skins"] = [{"joints": [1, 2], "inverseBindMatrices": glb.accessor(single(inverse))}]
     _animation(glb)
     return glb.bytes()
-
-
-def three_mf() -> bytes:
-    """The bust as a slicer would save it: one object, printed once."""
-    vertices, triangles, _ = body()
-    corners = "".join(f'<vertex x="{x:.6g}" y="{y:.6g}" z="{z:.6g}"/>' for x, y, z in 50 * vertices)
-    faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles)
-    mesh = f"<mesh><vertices>{corners}</vertices><triangles>{faces}</triangles></mesh>"
-    model = (
-        f'<?xml version="1.0" encoding="UTF-8"?><model unit="millimeter" xmlns="{OPC_3MF}/core/2015/02"><resources>'
-        f'<object id="1" type="model">{mesh}</object></resources><build><item objectid="1"/></build></model>'
-    )
-    kinds = f'<Types xmlns="{OPC}/content-types"><Default Extension="model" ContentType="{OPC_MODEL}"/></Types>'
-    root = f'<Relationship Target="/3D/3dmodel.model" Id="root" Type="{OPC_3MF}/2013/01/3dmodel"/>'
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("[Content_Types].xml", kinds)
-        archive.writestr("_rels/.rels", f'<Relationships xmlns="{OPC}/relationships">{root}</Relationships>')
-        archive.writestr("3D/3dmodel.model", model)
-    return file.getvalue()
 
 
 def _texture(glb: Glb) -> None:

@@ -31,17 +31,16 @@ def run(*command: object, variables: Mapping[str, str] | None = None, may_end_wi
     words = [str(word) for word in command]
     environment = {**os.environ, **(variables or {})}
     pipe = subprocess.PIPE
-    program = subprocess.Popen(
+    with subprocess.Popen(
         words, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True, env=environment, start_new_session=True
-    )
-    try:
-        said, complaint = program.communicate(timeout=LONGEST)
-    except subprocess.TimeoutExpired:
-        raise FailedError(f"{Path(words[0]).name} took longer than {LONGEST} s") from None
-    finally:
-        if program.poll() is None:
-            os.killpg(program.pid, signal.SIGKILL)
-            program.wait()
+    ) as program:
+        try:
+            said, complaint = program.communicate(timeout=LONGEST)
+        except subprocess.TimeoutExpired:
+            raise FailedError(f"{Path(words[0]).name} took longer than {LONGEST} s") from None
+        finally:
+            if program.poll() is None:
+                os.killpg(program.pid, signal.SIGKILL)
     if program.returncode not in may_end_with:
         last = [line for line in (complaint or said).splitlines() if line.strip()][-3:]
         raise FailedError(f"{Path(words[0]).name} ended with {program.returncode}: {' / '.join(last)}")

@@ -21,23 +21,23 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import programs
-from models import BODY, MODELS, three_mf
 from pictures import drawn, likeness, shows, side_by_side
 from programs import HERE, ROOT, FailedError, MissingError
+from samples import GLTF, samples
 
 from o3dmark import Key, O3dmarkError
 from o3dmark.arrays import Floats
-from o3dmark.files import FORMATS, destination, open_asset, read_mesh, write_mesh
+from o3dmark.files import destination, open_asset
 from o3dmark.mesh import geometry
 
 KEY = Key(bytes(range(32)))  # public: that of the golden marks
 MESSAGE = "mine"
 TABLE = ROOT / "results" / "proof" / "proof.csv"
 PICTURE = ROOT / "docs" / "gltf_before_after.png"
-MODEL_SUFFIXES = (".glb", ".gltf")
 ROUTES: dict[str, tuple[str, ...]] = {  # what publishers do to a file: package, command, options
     "gltfpack": ("gltfpack", "gltfpack", "-i", "{source}", "-o", "{output}"),
     "gltfpack -cc": ("gltfpack", "gltfpack", "-cc", "-i", "{source}", "-o", "{output}"),
@@ -48,6 +48,7 @@ ROUTES: dict[str, tuple[str, ...]] = {  # what publishers do to a file: package,
         for kind in ("false", "quantize", "meshopt", "draco")
     },
 }
+FEWEST = 1000  # vertices: smaller ones are moved as a mark would
 TIMES = (0.0, 0.8)  # seconds of the animation
 SHIFT = 1e-3  # of the diagonal: as large as a strong mark
 DIFFERENCE, SIMILARITY = 0.005, 0.98  # of pictures that look the same: at most, at least
@@ -67,9 +68,9 @@ class Row:
 
 
 def complaints(file: Path, folder: Path) -> Iterator[Row]:
-    """Whether Khronos' validator complains about the marked file, but not about the original."""
+    """Whether Khronos' validator complains about the changed file, but not about the original."""
     version = programs.node("gltf-validator")
-    output = marked(file, folder)
+    output = marked(file, folder) if holds_a_mark(file) else moved(file, folder)[0]
     before, after = json.loads(programs.run("node", HERE / "validate.mjs", file, output))
     new = {tuple(issue[:2]) for issue in after} - {tuple(issue[:2]) for issue in before}
     found = "; ".join(" at ".join(issue) for issue in sorted(new)) or f"the same {len(before)} issues"
@@ -100,18 +101,22 @@ def readers(file: Path, folder: Path) -> Iterator[Row]:
         if package == "assimp_py" and b"KHR_mesh_quantization" in file.read_bytes():
             continue  # it takes pairs of 16-bit numbers for float32
         version = programs.python(package)
-        try:
-            seen = json.loads(programs.run(sys.executable, HERE / "readers.py", package, file, output))
-        except FailedError as failure:
-            yield Row("readers", file.name, package, version, False, str(failure))
-            continue
-        same = seen["before"] == seen["after"] and len(set(seen["materials"])) == 1 and bool(seen["before"])
-        limit = 1.001 * largest + 2 * float(np.spacing(np.float32(seen["largest"])))
-        same &= seen["motion"] is not None and 0.5 * largest < seen["motion"] <= limit
-        vertices, faces = np.sum(seen["before"], axis=0) if seen["before"] else (0, 0)
-        counts = f"{len(seen['before'])} meshes, {vertices} vertices, {faces} faces, {seen['materials'][0]} materials"
-        found = f"{counts}, moved by {seen['motion']:.1e} of {largest:.1e}" if same else json.dumps(seen)
-        yield Row("readers", file.name, package, version, same, found)
+        seen = json.loads(programs.run(sys.executable, HERE / "readers.py", package, file, output))
+        yield Row("readers", file.name, package, version, *_alike(seen, largest))
+
+
+def _alike(seen: dict[str, Any], largest: float) -> tuple[bool, str]:
+    """Whether a reader saw the same twice, with a motion that may be ``largest`` for a coordinate; and what it saw."""
+    if "refusals" in seen:
+        both = len(seen["refusals"]) == 2
+        return both, f"refuses {'both' if both else 'one'}: {seen['refusals'][0]}"
+    same = seen["before"] == seen["after"] and len(set(seen["materials"])) == 1 and bool(seen["before"])
+    limit = 1.001 * largest + 2 * float(np.spacing(np.float32(seen["largest"])))
+    if not same or not 0.5 * largest < seen["motion"] <= limit:
+        return False, json.dumps(seen)
+    vertices, faces = np.sum(seen["before"], axis=0)
+    counts = f"{len(seen['before'])} meshes, {vertices} vertices, {faces} faces, {seen['materials'][0]} materials"
+    return True, f"{counts}, moved by {seen['motion']:.1e} of {largest:.1e}"
 
 
 def pictures(file: Path, folder: Path) -> Iterator[Row]:
@@ -181,9 +186,15 @@ def _key(folder: Path) -> Path:
 
 def fits(proof: str, file: Path) -> bool:
     """Whether a proof is about such a file."""
+    if file.suffix.lower() not in GLTF:
+        return proof == "readers"
     if proof == "pictures":
-        return "animations" in open_asset(file).contents
-    return proof == "readers" or file.suffix.lower() in MODEL_SUFFIXES
+        return holds_a_mark(file) and "animations" in open_asset(file).contents
+    return proof != "published" or holds_a_mark(file)
+
+
+def holds_a_mark(file: Path) -> bool:
+    return any(len(part.vertices) >= FEWEST for part in open_asset(file).parts)
 
 
 def rows_of(proof: str, file: Path, folder: Path) -> Iterator[Row]:
@@ -192,17 +203,6 @@ def rows_of(proof: str, file: Path, folder: Path) -> Iterator[Row]:
         yield from PROOFS[proof](file, folder)
     except (FailedError, O3dmarkError) as error:
         yield Row(proof, file.name, "", "", False, str(error))
-
-
-def samples(folder: Path) -> list[Path]:
-    """The models of `models`, and the bust in every other format, written into a folder."""
-    contents = {f"{name}.glb": make() for name, make in MODELS.items()} | {"bust.3mf": three_mf()}
-    for name, content in contents.items():
-        (folder / name).write_bytes(content)
-    others = [folder / f"bust{suffix}" for suffix in FORMATS if suffix not in MODEL_SUFFIXES]
-    for path in others:
-        write_mesh(path, read_mesh(BODY))
-    return [*(folder / name for name in contents), *others]
 
 
 def save(rows: Sequence[Row], path: Path) -> None:

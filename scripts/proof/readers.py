@@ -4,6 +4,7 @@
 
 One JSON object on stdout: ``before`` and ``after``, [vertices, faces] of each mesh; ``materials``, how many each has;
 ``motion``, by how much a coordinate differs at most, or null when the counts do; ``largest`` coordinate.
+Or only ``refusals``, the reader's words, where it does not read one of them, or both.
 """
 
 import json
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parent / "python_modules"))
+sys.path.insert(0, str(Path(__file__).parent / "python_modules"))
 
 
 def by_trimesh(path: str) -> tuple[list[Any], int]:
@@ -40,7 +41,16 @@ READERS = {"trimesh": by_trimesh, "assimp_py": by_assimp}
 
 
 def main(reader: str, before: str, after: str) -> None:
-    (was, materials), (now, others) = (READERS[reader](path) for path in (before, after))
+    refusals, read = [], []
+    for path in (before, after):
+        try:
+            read.append(READERS[reader](path))
+        except Exception as error:  # whatever stops a reader
+            refusals.append(f"{type(error).__name__}: {error}".splitlines()[0].replace(path, Path(path).name))
+    if refusals:
+        print(json.dumps({"refusals": refusals}))
+        return
+    (was, materials), (now, others) = read
     counts = [[[len(vertices), faces] for vertices, faces in meshes] for meshes in (was, now)]
     motion = None
     if counts[0] == counts[1]:
