@@ -51,6 +51,7 @@ def open_asset(source: str | Path | Source) -> Asset:
     Errors: MeshError when the file is missing, of another kind, or damaged.
     """
     source = source if isinstance(source, Source) else Source(Path(source))
+    source.check_there()
     suffix = source.path.suffix.lower()
     if suffix not in ASSETS:
         raise MeshError(f"{source.name}: the ending is none of {', '.join(ASSETS)}")
