@@ -100,7 +100,8 @@ def test_what_cannot_be_read_back_is_not_kept(folder: Path, tmp_path: Path, caps
     words = ("--message", MESSAGE, "--method", "saliency-scs:sync=rank", "--json")
     code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", folder / "owner.key", *words)
     assert (code, result["verified"], result["output"]) == (1, False, None)
-    assert "nothing was kept" in err
+    assert "nothing was written" in err
+    assert "--profile robust-2026 holds this message in this mesh" in err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -108,7 +109,8 @@ def test_the_cover_is_never_overwritten(folder: Path, capsys: Any) -> None:
     before = (folder / "cover.ply").read_bytes()
     words = ("--key", folder / "owner.key", "--message", MESSAGE, "--json")
     code, result, _ = run(capsys, "embed", folder / "cover.ply", folder / "cover.ply", *words)
-    assert (code, result["error"]) == (2, "UsageError")
+    assert (code, result["error"]) == (2, "SpecError")
+    assert "cover-1.ply is free" in result["message"]
     assert (folder / "cover.ply").read_bytes() == before
 
 

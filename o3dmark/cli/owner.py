@@ -49,10 +49,12 @@ def embed(
     """Hide a message: OUT is the file IN with its positions moved. What cannot be read back is not written; exit 1."""
     from o3dmark import marking, watermark
     from o3dmark.coding.keys import Key
-    from o3dmark.files import destination, open_asset
+    from o3dmark.files import ASSETS, destination, open_asset
 
     if (message is None) == (bits is None):
         raise typer.BadParameter("give either --message or --bits")
+    if output.suffix.lower() not in ASSETS:
+        raise typer.BadParameter(f"the ending of {output.name} is none of {', '.join(ASSETS)}")
     asset = open_asset(source)
     target = destination(asset, output, overwrite=overwrite)
     secret = Key.load(key)
@@ -62,7 +64,8 @@ def embed(
     try:
         marked = marking.embed(asset, mark, hidden, secret, name=output.name, names=target.names)
     except MeshError as error:
-        raise MeshError(f"{error}. {_advice(asset, mark, message, secret)}") from None
+        error.args = (_with_advice(str(error), asset, mark, message, secret),)
+        raise
     if marked.verified:
         target.write(marked.files)
     report = {"output": str(output) if marked.verified else None, "profile": _profile(method, profile)}
@@ -73,7 +76,7 @@ def embed(
     print_result(report | {"seconds": since(started)}, json)
     _say_what_happened(marked, target)
     if not marked.verified:
-        say(f"nothing was written: the mark cannot be read back. {_advice(asset, mark, message, secret)}")
+        say(_with_advice("nothing was written: the mark cannot be read back", asset, mark, message, secret))
         raise typer.Exit(1)
 
 
@@ -152,11 +155,11 @@ def _profile(method: str | None, profile: str | None) -> str | None:
     return (profile or DEFAULT_PROFILE) if method is None else None
 
 
-def _advice(asset: "Asset", mark: "Watermark", message: str | None, key: "Key") -> str:
-    """What does work, tried on the largest part; nothing for raw bits, which have no code to be shorter with."""
+def _with_advice(text: str, asset: "Asset", mark: "Watermark", message: str | None, key: "Key") -> str:
+    """A refusal and what does work, which is tried; for raw bits, which have no code to be shorter with, nothing is."""
     from o3dmark.marking import advice
 
-    return "" if message is None else advice(asset, mark, message, key)
+    return ". ".join(filter(None, [text, "" if message is None else advice(asset, mark, message, key)]))
 
 
 def _cost(marked: "Marked") -> dict[str, float | None]:

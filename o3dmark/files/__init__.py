@@ -51,6 +51,7 @@ def open_asset(source: str | Path | Source) -> Asset:
     Errors: MeshError when the file is missing, of another kind, or damaged.
     """
     source = source if isinstance(source, Source) else Source(Path(source))
+    source.check_there()
     suffix = source.path.suffix.lower()
     if suffix not in ASSETS:
         raise MeshError(f"{source.name}: the ending is none of {', '.join(ASSETS)}")
@@ -72,6 +73,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 def read_points(path: str | Path) -> PointCloud:
     """The point cloud in a file, with its normals if it has them. Errors: MeshError as in `read_mesh`."""
     path = Path(path)
+    Source(path).check_there()
     if path.suffix.lower() not in (*CLOUDS, *ASSETS):
         raise MeshError(f"{path.name}: the ending is none of {', '.join(CLOUDS)}")
     Source(path).read()

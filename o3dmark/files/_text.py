@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,10 +128,10 @@ def spliced(content: bytes, *edits: Edit) -> bytes:
 
 @dataclass(frozen=True)
 class Notation:
-    """How numbers are written: with so many decimals or, if ``exact``, with all digits that tell them apart."""
+    """How numbers are written: with so many decimals, with as many before an exponent, or with so many digits in all."""
 
     decimals: int
-    exact: bool = False
+    kind: Literal["f", "e", "g"] = "f"
 
     @classmethod
     def of(cls, text: bytes, diagonal: float) -> "Notation":
@@ -147,12 +147,12 @@ class Notation:
         """Numbers (n, d) as n lines without their ends, a space between two."""
         if not len(values):
             return []
-        number = "%.17g" if self.exact else f"%.{self.decimals}f"
+        number = f"%.{self.decimals}{self.kind}"
         line = " ".join([number] * values.shape[1]) + "\n"
         return ((line * len(values)) % tuple(values.ravel().tolist())).encode("ascii").splitlines()
 
 
-EXACT = Notation(17, exact=True)
+EXACT = Notation(17, "g")
 
 
 def moved_rows(content: bytes, places: Places, part: Part, after: Floats) -> Edit:
@@ -173,7 +173,9 @@ def moved_rows(content: bytes, places: Places, part: Part, after: Floats) -> Edi
 def turned_rows(content: bytes, places: Places, before: Floats, after: Floats) -> Edit:
     """Normals (k, 3) written again at their places (k, 3, 2), where their own digits can tell the difference."""
     notation = Notation.of(only(np.frombuffer(content, np.uint8), places), 0.0)
-    least = np.maximum(_TURNED * np.abs(before).max(axis=1), 0.0 if notation.exact else 0.5 * 10.0**-notation.decimals)
+    least = np.maximum(
+        _TURNED * np.abs(before).max(axis=1), 0.0 if notation.kind == "g" else 0.5 * 10.0**-notation.decimals
+    )
     turns = np.abs(after - before).max(axis=1) > least  # never where they are not numbers
     return places[turns].reshape(-1, 2), b"\n".join(notation.rows(after[turns]))
 

@@ -74,10 +74,10 @@ class Numbers:
         text = only(self.text, self.starts, self.ends)
         greatest = float(np.abs(self.values[np.isfinite(self.values)]).max(initial=0.0))
         plain = Notation.of(text, extent)
-        if not greatest or plain.exponent or text.lower().count(b"e") < len(self.values):
+        if not greatest or plain.kind != "f" or text.lower().count(b"e") < len(self.values):
             return plain
         needed = Notation.of(b"", extent).decimals + math.ceil(math.log10(greatest))
-        return Notation(min(max(Notation.of(text, 0.0).decimals, needed), _MOST_DIGITS), exponent=True)
+        return Notation(min(max(Notation.of(text, 0.0).decimals, needed), _MOST_DIGITS), "e")
 
     def changes(self, values: Floats, notation: Notation) -> tuple[Ints, Ints, NDArray[np.bytes_]]:
         """Where words begin (m,) and end (m,) that do not say ``values`` (k,), and those (m,) that do."""

@@ -20,13 +20,15 @@ class Source:
     def name(self) -> str:
         return self.path.name
 
+    def check_there(self) -> None:
+        """Errors: MeshError when the file is not there."""
+        if self.name not in self.files and not self.path.is_file():
+            raise MeshError(f"no file at {str(self.path)!r}")
+
     def read(self) -> bytes:
         """The file itself. Errors: MeshError when it is not there, or empty."""
-        content = self.files.get(self.name)
-        if content is None:
-            if not self.path.is_file():
-                raise MeshError(f"no file at {str(self.path)!r}")
-            content = self.path.read_bytes()
+        self.check_there()
+        content = self.files[self.name] if self.name in self.files else self.path.read_bytes()
         if not content:
             raise MeshError(f"{self.name} is empty")
         return content

@@ -28,9 +28,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         parts = sorted(folder.iterdir(), key=lambda part: part == draft)  # the file itself last
         for part in parts:
             if part != draft and not was_there and os.path.lexists(path.parent / part.name):
-                raise SpecError(
-                    f"{path.name} would come with {part.name}, which is there already: choose another name"
-                )
+                raise SpecError(f"{path.name} would come with {part.name}, which is there already: choose another name")
         for part in parts:
             os.replace(part, path.parent / part.name)
 
