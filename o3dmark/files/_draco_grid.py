@@ -10,7 +10,7 @@ _BITS = range(24, 1, -1)  # float32 tells no finer grid apart
 _NOISE = 4.0  # of float32's steps at the rim: what Draco's own arithmetic, in float32, adds to a position
 _CLEAR = 4.0  # times the noise: a step that can be told from it
 _USUAL = (1 << 14) - 1  # steps along the longest side that glTF exporters make
-_FINEST = (1 << 23) - 1  # steps for positions that are on no grid: as fine as float32 at the rim
+_FINEST = (1 << 21) - 1  # steps for positions that are on no grid: as fine as Draco's arithmetic tells apart
 _SAMPLE = 2000  # positions that tell grids apart; then all are looked at
 
 
@@ -68,9 +68,21 @@ def _lie_on(offsets: Floats, step: float, noise: float) -> bool:
 
 def _own_counts(offsets: Floats, extent: float, noise: float) -> list[int]:
     """For positions on the grid of a larger box: how many steps their longest side has, if two are neighbours."""
-    gaps = np.diff(np.unique(np.rint(offsets / noise))) if noise else np.empty(0)
-    gaps = gaps[gaps > _CLEAR] * noise
+    places = np.unique(np.rint(offsets / noise)) if noise else np.empty(0)
+    gaps = np.diff(places)[np.diff(places) > _CLEAR] * noise
     if not len(gaps):
         return []
-    count = round(extent / gaps.min())
-    return [count * max(-(-_USUAL // count), 1)] if count else []
+    count = round(extent / _exact(places * noise, float(gaps.min()), noise))
+    return [count * max(-(-_USUAL // count), 1), count] if count else []
+
+
+def _exact(offsets: Floats, step: float, error: float) -> float:
+    """A step from a rough one: what lies some steps away tells it more exactly, and then what lies farther."""
+    farthest, noise = float(offsets[-1]), error
+    while error * farthest > step * step / 4.0:  # then its number of steps is not yet certain
+        known = float(offsets[offsets <= max(step * step / (4.0 * error), step)][-1])
+        steps = max(round(known / step), 1)
+        if noise / steps >= error:
+            break
+        step, error = known / steps, noise / steps
+    return farthest / max(round(farthest / step), 1)

@@ -134,9 +134,12 @@ class Buffer(Space):
     def is_chunk(self) -> bool:
         return self.uri is None and self._binary is not None
 
-    @property
-    def has_bytes(self) -> bool:
-        return self.uri is not None or self._binary is not None
+    def has(self, start: int, length: int) -> bool:
+        """Whether it has these bytes; a file may be missing that not every reader needs."""
+        try:
+            return start + length <= len(self.content)
+        except MeshError:
+            return False
 
     @cached_property
     def content(self) -> Bits:

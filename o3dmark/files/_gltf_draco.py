@@ -153,6 +153,8 @@ class Streams:
             stream = self._streams[view] = Stream(fields.where, view, self._views)
             self._check(stream, given)
         stream = self._streams[view]
+        for name in attributes:
+            stream.space(attributes.whole(name))  # they are all there
         stream.users.append((mesh, number, attributes))
         for name, accessor in given.items():
             if name == "indices" or name in attributes:

@@ -59,13 +59,13 @@ class Packing:
 class MeshoptSpace(Space):
     """The bytes that a compressed view holds.
 
-    plain: the buffer, and where in it, that holds the same as it is for readers without the codec, if it has bytes.
+    plain: the buffer, and where in it, that holds the same as it is for readers without the codec, if it is there.
     """
 
     def __init__(self, packing: Packing, buffers: Buffers, plain: tuple[Buffer, int], budget: Budget) -> None:
         self._packing, self._budget = packing, budget
         self._buffer = buffers[packing.buffer]
-        self._plain = plain if plain[0].has_bytes else None
+        self._plain = plain if plain[0].has(plain[1], packing.count * packing.stride) else None
 
     @property
     def buffers(self) -> tuple[Buffer, ...]:

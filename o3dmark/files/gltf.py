@@ -80,7 +80,8 @@ class Gltf(Asset):
                 f"{self.name}: its {len(self.parts)} meshes stand at {sum(len(part.placements) for part in self.parts)}"
                 " places, which is too much for one mesh; save those that are wanted in a file of their own"
             )
-        exact = super().mesh()
+        with np.errstate(all="ignore"):  # places may be as far away as numbers go
+            exact = super().mesh()
         return self._dressed(exact) or exact
 
     def _dressed(self, exact: TriangleMesh) -> TriangleMesh | None:
@@ -147,6 +148,8 @@ class Gltf(Asset):
             (piece.triangles.start, piece.triangles.stop, self._shift(piece, table)) for piece in pieces
         )
         triangles = np.concatenate([body.part.triangles[start:stop] for start, stop, _ in drawn])
+        if not len(triangles):
+            return
         used = np.concatenate([body.part.triangles[start:stop] + shift for start, stop, shift in drawn])
         turns = turned(body.part.vertices, after, triangles, table.vectors, used)
         _write(edits, table.rows, table.vectors, turns(table.vectors))
