@@ -15,7 +15,7 @@ import numpy as np
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d, obj, off
 from o3dmark.files.asset import KINDS, Asset, Part
-from o3dmark.files.convert import convert, dropped
+from o3dmark.files.convert import TARGETS, convert
 from o3dmark.files.gltf import Gltf
 from o3dmark.files.obj import Obj
 from o3dmark.files.off import Off
@@ -136,6 +136,7 @@ __all__ = [
     "CLOUDS",
     "FORMATS",
     "KINDS",
+    "TARGETS",
     "Asset",
     "Destination",
     "Part",
@@ -143,7 +144,6 @@ __all__ = [
     "check_free",
     "convert",
     "destination",
-    "dropped",
     "open_asset",
     "open_shape",
     "read_mesh",

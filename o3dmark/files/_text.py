@@ -128,7 +128,7 @@ def spliced(content: bytes, *edits: Edit) -> bytes:
 
 @dataclass(frozen=True)
 class Notation:
-    """How numbers are written: with so many decimals, with as many before an exponent, or with so many digits in all."""
+    """How numbers are written: decimals, decimals before an exponent, or digits in all."""
 
     decimals: int
     kind: Literal["f", "e", "g"] = "f"
