@@ -11,8 +11,9 @@ import numpy as np
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
-from o3dmark.files._gltf_accessors import Accessors
+from o3dmark.files._gltf_accessors import Accessor, Accessors
 from o3dmark.files._json_fields import Fields
+from o3dmark.files.asset import STAYS
 
 _MOST_NODES = 100_000
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -29,14 +30,14 @@ def placements(root: Fields, accessors: Accessors, budget: Budget) -> dict[int, 
     if len(nodes) > _MOST_NODES:
         raise MeshError(f"{root.where} has {len(nodes)} nodes; up to {_MOST_NODES} are read")
     found: dict[int, list[Floats]] = defaultdict(list)
-    world = _locals(nodes)
+    world, instances = _locals(nodes), _Instances(accessors, budget)
     with np.errstate(all="ignore"):
         for number, parent in _walk(nodes, _roots(root, nodes)):
             if parent >= 0:
                 world[number] = world[parent] @ world[number]
             node = nodes[number]
             if "mesh" in node:
-                stack = _instances(node, world[number], accessors, budget)
+                stack = world[number] @ instances.of(node)
                 if not np.isfinite(stack).all():
                     raise MeshError(f"{node.where} is placed where no number reaches")
                 found[node.number_of("mesh", n_meshes)].append(stack)
@@ -103,24 +104,35 @@ def _composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats
     return matrix
 
 
-def _instances(node: Fields, world: Floats, accessors: Accessors, budget: Budget) -> Floats:
-    """The node's matrix, or one for each of its instances (k, 4, 4)."""
-    extensions = node.part("extensions")
-    if _INSTANCING not in extensions:
-        budget.take(_MATRIX_BYTES)
-        return world[None].copy()
-    attributes = extensions.part(_INSTANCING).part("attributes")
-    given = {
-        name: accessors[attributes.number_of(name, len(accessors))]
-        for name in map(str.upper, _TRANSFORM)
-        if name in attributes
-    }
-    count = max((accessor.count for accessor in given.values()), default=1)
-    budget.take(_MATRIX_BYTES * count)
-    columns = []
-    for name, default in _TRANSFORM.items():
-        accessor = given.get(name.upper())
-        if accessor and (accessor.width != len(default) or accessor.count != count):
-            raise attributes.wrong(name, f"{count} rows of {len(default)} numbers")
-        columns.append(accessor.floats() if accessor else np.tile(default, (count, 1)))
-    return world @ matrices(*columns)
+class _Instances:
+    """Where the instances of a node stand in its own frame; many nodes may name the same numbers."""
+
+    def __init__(self, accessors: Accessors, budget: Budget) -> None:
+        self._accessors, self._budget = accessors, budget
+        self._known: dict[tuple[Accessor | None, ...], Floats] = {}
+
+    def of(self, node: Fields) -> Floats:
+        """Matrices (k, 4, 4), or the one that changes nothing for a node that is alone."""
+        extensions = node.part("extensions")
+        if _INSTANCING not in extensions:
+            self._budget.take(_MATRIX_BYTES)
+            return STAYS
+        attributes = extensions.part(_INSTANCING).part("attributes")
+        names = [name.upper() for name in _TRANSFORM]
+        given = tuple(
+            self._accessors[attributes.number_of(name, len(self._accessors))] if name in attributes else None
+            for name in names
+        )
+        count = max((accessor.count for accessor in given if accessor), default=1)
+        self._budget.take(_MATRIX_BYTES * count)
+        if given not in self._known:
+            for name, accessor, default in zip(names, given, _TRANSFORM.values(), strict=True):
+                if accessor and (accessor.width, accessor.count) != (len(default), count):
+                    raise attributes.wrong(name, f"{count} rows of {len(default)} numbers")
+            self._known[given] = matrices(
+                *(
+                    accessor.floats() if accessor else np.tile(default, (count, 1))
+                    for accessor, default in zip(given, _TRANSFORM.values(), strict=True)
+                )
+            )
+        return self._known[given]
