@@ -1,4 +1,4 @@
-"""Meshes as Google's Draco compresses them: decoded, and encoded again on the grids that they were on.
+"""Meshes as Google's Draco compresses them: decoded, and encoded again in as many bits.
 
 The codec is DracoPy, an extra. It does not say in how many bits numbers were kept, so that is found out: for normals
 and texture coordinates the numbers of bits are tried, and one is taken only when it gives back the same numbers. What
@@ -15,10 +15,9 @@ import numpy as np
 
 from o3dmark.arrays import AnyArray, Ints
 from o3dmark.errors import MeshError
-from o3dmark.files._draco_grid import Grid
 from o3dmark.files._extra import library
 
-POSITION, _NORMAL, _TEXTURE = 0, 1, 3
+_POSITION, _NORMAL, _TEXTURE = 0, 1, 3
 _TYPES = {1: "<i1", 2: "<u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 9: "<f4"}
 _WRITTEN = ("float32", "uint8", "uint16", "uint32")  # the types that DracoPy encodes
 
@@ -46,8 +45,13 @@ class DracoMesh:
     others: int = 0
 
     @property
+    def first(self) -> int:
+        """The id of the positions."""
+        return next(number for number, each in self.attributes.items() if each.kind == _POSITION)
+
+    @property
     def positions(self) -> AnyArray:
-        return next(each.numbers for each in self.attributes.values() if each.kind == POSITION)
+        return self.attributes[self.first].numbers
 
     @property
     def can_be_written(self) -> bool:
@@ -70,7 +74,7 @@ def decoded(where: str, packed: bytes) -> DracoMesh:
             numbers = np.ascontiguousarray(each["data"], _TYPES[each["data_type"]])
             attributes[int(each["unique_id"])] = Attribute(int(each["attribute_type"]), numbers)
     found = DracoMesh(triangles, attributes, len(mesh.attributes) - len(attributes))
-    if not any(each.kind == POSITION for each in attributes.values()):
+    if not any(each.kind == _POSITION for each in attributes.values()):
         raise MeshError(f"{where} has no positions that can be read")
     return found
 
@@ -93,52 +97,56 @@ def counts(where: str, packed: bytes) -> tuple[int, int]:
         raise MeshError(f"{where} is no mesh that Draco 2.2 wrote, or damaged") from None
 
 
-def encoded(where: str, mesh: DracoMesh, changed: Mapping[int, AnyArray], grid: Grid) -> tuple[bytes, dict[int, int]]:
-    """The mesh with other numbers for some attributes, and its positions on ``grid``; and the new id of each old one.
+@dataclass(frozen=True)
+class Encoded:
+    """A stream, what it holds, and the new id of each old one."""
+
+    packed: bytes
+    mesh: DracoMesh
+    ids: dict[int, int]
+
+
+def encoded(where: str, mesh: DracoMesh, changed: Mapping[int, AnyArray], bits: int) -> Encoded:
+    """The mesh with other numbers for some attributes, and its positions in so many bits.
 
     Errors: MeshError when the library does not give the rest back as it was.
     """
     exact = {}
     for kind in (_NORMAL, _TEXTURE):
         number = next((number for number, each in mesh.attributes.items() if each.kind == kind), None)
-        if number is not None and (bits := _bits(where, mesh, number)):
-            exact[number] = bits
+        if number is not None and (found := _bits(where, mesh, number)):
+            exact[number] = found
+    kept = set(mesh.attributes) - set(changed) - {mesh.first}
     for choice in (exact, {}):
-        packed = _written(where, mesh, changed, grid, choice)
+        packed = _written(where, mesh, changed, bits, choice)
         back = decoded(where, packed)
         ids = _ids(mesh, back, choice)
-        kept = set(mesh.attributes) - set(changed)
         same = all(np.array_equal(back.attributes[ids[n]].numbers, mesh.attributes[n].numbers) for n in kept)
         if same and np.array_equal(back.triangles, mesh.triangles):
-            return packed, ids
+            return Encoded(packed, back, ids)
     raise MeshError(
         f"{where}: DracoPy does not write back what it has read; `gltf-transform copy IN OUT` decompresses it"
     )
 
 
 def _written(
-    where: str, mesh: DracoMesh, changed: Mapping[int, AnyArray], grid: Grid, exact: Mapping[int, int]
+    where: str, mesh: DracoMesh, changed: Mapping[int, AnyArray], bits: int, exact: Mapping[int, int]
 ) -> bytes:
-    """The stream; normals and texture coordinates of ``exact`` in so many bits, all else as it is."""
+    """The stream; normals and texture coordinates of ``exact`` in so many bits, all else as it is.
+
+    Positions get a grid over their own box: an origin that is given, Draco rounds to six decimals.
+    """
     numbers = {number: changed.get(number, each.numbers) for number, each in mesh.attributes.items()}
     options: dict[str, Any] = {}
-    generic = {}
-    positions = None
-    for number, values in numbers.items():
-        kind = mesh.attributes[number].kind
-        if kind == POSITION and positions is None:
-            positions = values
-        elif number in exact:
-            name = "normals" if kind == _NORMAL else "tex_coord"
-            options |= {name: values.astype(np.float64), f"{name.removesuffix('s')}_quantization_bits": exact[number]}
-        else:
-            generic[number] = values
+    for number, n_bits in exact.items():
+        name = "normal" if mesh.attributes[number].kind == _NORMAL else "tex_coord"
+        options[f"{name}_quantization_bits"] = n_bits
+        options["normals" if name == "normal" else name] = numbers[number].astype(np.float64)
+    generic = {number: values for number, values in numbers.items() if number not in exact and number != mesh.first}
     return library("DracoPy", where).encode(
-        np.asarray(positions, np.float64),
+        numbers[mesh.first].astype(np.float64),
         mesh.triangles,
-        quantization_bits=grid.bits,
-        quantization_range=grid.range,
-        quantization_origin=grid.origin.tolist(),
+        quantization_bits=bits,
         compression_level=_LEVEL,
         preserve_order=True,
         generic_attributes=generic or None,
@@ -149,8 +157,7 @@ def _written(
 def _ids(mesh: DracoMesh, back: DracoMesh, exact: Mapping[int, int]) -> dict[int, int]:
     """Under which id each attribute is found again."""
     by_kind = {each.kind: number for number, each in back.attributes.items()}
-    first = next(number for number, each in mesh.attributes.items() if each.kind == POSITION)
-    moved = {number: by_kind[mesh.attributes[number].kind] for number in (first, *exact)}
+    moved = {number: by_kind[mesh.attributes[number].kind] for number in (mesh.first, *exact)}
     return {number: moved.get(number, number) for number in mesh.attributes}
 
 
@@ -163,11 +170,10 @@ def _bits(where: str, mesh: DracoMesh, number: int) -> int:
     rows = _sample(attribute.numbers)
     triangles = np.arange(len(rows) // 3 * 3, dtype=np.uint32).reshape(-1, 3)
     sample = DracoMesh(
-        triangles, {0: Attribute(POSITION, np.zeros((len(rows), 3))), 1: Attribute(attribute.kind, rows)}
+        triangles, {0: Attribute(_POSITION, np.zeros((len(rows), 3))), 1: Attribute(attribute.kind, rows)}
     )
-    grid = Grid(np.zeros(3), 1.0, 3)
     for bits in _TRIED if len(triangles) else ():
-        back = decoded(where, _written(where, sample, {}, grid, {1: bits}))
+        back = decoded(where, _written(where, sample, {}, 2, {1: bits}))
         if any(each.kind == attribute.kind and np.array_equal(each.numbers, rows) for each in back.attributes.values()):
             return bits
     return 0

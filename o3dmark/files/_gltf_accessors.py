@@ -43,12 +43,12 @@ class Rows:
     def end(self) -> int:
         return self.start + self.stride * (self.count - 1) + self.size if self.count else self.start
 
-    def read(self) -> AnyArray:
-        """The numbers (count, width), read-only. Errors: MeshError when the bytes are not all there."""
-        found = len(self.space.content)
-        if self.end > found:
-            raise MeshError(f"{self.where} reaches to byte {self.end}, but there are {found}: the file is damaged")
-        return self.of(self.space.content)
+    def read(self, edits: Edits | None = None) -> AnyArray:
+        """The numbers (count, width), as they are or are to be. Errors: MeshError when the bytes are not all there."""
+        content = self.space.content if edits is None else edits.spaces.get(self.space, self.space.content)
+        if self.end > len(content):
+            raise MeshError(f"{self.where} reaches to byte {self.end}, but there are {len(content)}: it is damaged")
+        return self.of(content)
 
     def of(self, content: Bits) -> AnyArray:
         """The numbers (count, width) in the bytes of the space, or in changed ones."""
@@ -108,11 +108,14 @@ class Accessor:
         """Why no number can be changed, if none can."""
         return next((rows.space.fixed for rows in self.all_rows if rows.space.fixed), "")
 
-    def raw(self) -> AnyArray:
-        """The numbers as the file has them (count, width), a copy. Errors: MeshError when the bytes are not there."""
-        rows = np.zeros((self.count, self.width), self.dtype) if self.base is None else self.base.read().copy()
+    def raw(self, edits: Edits | None = None) -> AnyArray:
+        """The numbers as the file has them, or is to have them (count, width), a copy.
+
+        Errors: MeshError when the bytes are not there.
+        """
+        rows = np.zeros((self.count, self.width), self.dtype) if self.base is None else self.base.read(edits).copy()
         if self.values is not None:
-            rows[self.listed] = self.values.read()
+            rows[self.listed] = self.values.read(edits)
         return rows
 
     def floats(self, raw: AnyArray | None = None) -> Floats:
@@ -125,16 +128,7 @@ class Accessor:
         return values
 
     def nearest(self, values: Floats) -> AnyArray:
-        """What the file can hold nearest to ``values`` (count, d)."""
-        plain = self._of_type(values)
-        kept = self.base.space.rounded(self.base.start, self.base.stride, plain) if self.base else plain
-        if self.values is not None:
-            listed = self.values.space.rounded(self.values.start, self.values.stride, plain[self.listed])
-            kept = kept.copy()
-            kept[self.listed] = listed
-        return kept
-
-    def _of_type(self, values: Floats) -> AnyArray:
+        """What the file can hold nearest to ``values`` (count, d), by the type of its numbers."""
         if self.dtype.kind == "f":
             largest = float(np.finfo(self.dtype).max)
             return np.clip(values, -largest, largest).astype(self.dtype)

@@ -16,7 +16,7 @@ from urllib.parse import quote, quote_from_bytes, unquote, unquote_to_bytes
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray, Bits, Floats
+from o3dmark.arrays import Bits, Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
 from o3dmark.files._gltf_container import Container
@@ -53,16 +53,12 @@ class Space(ABC):
         """Where the file keeps these bytes in another form: buffers, first bytes and lengths."""
         return ()
 
-    def rounded(self, start: int, stride: int, numbers: AnyArray) -> AnyArray:  # noqa: ARG002
-        """What can be kept of numbers (n, d) that are to stand from byte ``start`` on, ``stride`` apart."""
-        return numbers
-
     def steps(self, start: int, stride: int, shape: tuple[int, ...]) -> Floats | None:  # noqa: ARG002
         """How far apart the numbers (n, d) are that can be kept there, or None where only their type says it."""
         return None
 
     def put_back(self, edits: "Edits") -> None:  # noqa: B027 - a buffer's bytes are where they belong
-        """Carry what changed in these bytes to where the file holds them."""
+        """Carry what changed in these bytes to where the file holds them; they become what is read from there."""
 
 
 @dataclass
@@ -134,9 +130,12 @@ class Buffer(Space):
     def is_chunk(self) -> bool:
         return self.uri is None and self._binary is not None
 
-    @property
-    def has_bytes(self) -> bool:
-        return self.uri is not None or self._binary is not None
+    def has(self, start: int, length: int) -> bool:
+        """Whether it has these bytes; a file may be missing that not every reader needs."""
+        try:
+            return start + length <= len(self.content)
+        except MeshError:
+            return False
 
     @cached_property
     def content(self) -> Bits:

@@ -13,7 +13,7 @@ from o3dmark.arrays import AnyArray, Bits, Floats
 from o3dmark.errors import MeshError
 from o3dmark.files import _draco_codec as codec
 from o3dmark.files._budget import Budget
-from o3dmark.files._draco_grid import Grid
+from o3dmark.files._draco_grid import bits_for, step_of
 from o3dmark.files._gltf_accessors import Accessor, Rows, Views
 from o3dmark.files._gltf_buffers import Buffer, Edits, Space
 from o3dmark.files._json_fields import Fields
@@ -47,8 +47,9 @@ class Stream:
         return codec.decoded(self.where, self.packed)
 
     @cached_property
-    def grid(self) -> Grid:
-        return Grid.of(self.mesh.positions.astype(np.float64))
+    def step(self) -> float:
+        """How far apart the positions are on their grid."""
+        return step_of(self.mesh.positions.astype(np.float64))
 
     def space(self, number: int) -> "DracoSpace":
         """The bytes of an attribute. Errors: MeshError when there is none with this id."""
@@ -64,17 +65,16 @@ class Stream:
         if (*path, "byteLength") in edits.words:
             return
         changed = {number: space.numbers_in(edits) for number, space in self._spaces.items() if space in edits.spaces}
-        positions = next(n for n, each in self.mesh.attributes.items() if each.kind == codec.POSITION)
-        moved = changed.get(positions, self.mesh.positions)
-        packed, ids = codec.encoded(
-            self.where, self.mesh, {positions: moved, **changed}, self.grid.holding(moved.astype(np.float64))
-        )
-        edits.replace(self.place, packed, self._buffer, path)
+        moved = changed.get(self.mesh.first, self.mesh.positions).astype(np.float64)
+        new = codec.encoded(self.where, self.mesh, changed, bits_for(moved, self.step))
+        for number in changed:
+            edits.spaces[self._spaces[number]] = _bytes(new.mesh.attributes[new.ids[number]].numbers)
+        edits.replace(self.place, new.packed, self._buffer, path)
         for mesh, primitive, attributes in self.users:
             here = "meshes", mesh, "primitives", primitive, "extensions", EXTENSION, "attributes"
             for name in attributes:
-                if ids[attributes.whole(name)] != attributes.whole(name):
-                    edits.words[*here, name] = str(ids[attributes.whole(name)])
+                if new.ids[attributes.whole(name)] != attributes.whole(name):
+                    edits.words[*here, name] = str(new.ids[attributes.whole(name)])
 
 
 class DracoSpace(Space):
@@ -86,7 +86,6 @@ class DracoSpace(Space):
         self.numbers: AnyArray = (
             mesh.triangles.reshape(-1, 1) if number == _CORNERS else mesh.attributes[number].numbers
         )
-        self._positions = number != _CORNERS and mesh.attributes[number].kind == codec.POSITION
 
     @property
     def buffers(self) -> tuple[Buffer, ...]:
@@ -107,7 +106,7 @@ class DracoSpace(Space):
 
     @cached_property
     def content(self) -> Bits:
-        content = np.ascontiguousarray(self.numbers).reshape(-1).view(np.uint8)
+        content = _bytes(self.numbers)
         content.setflags(write=False)
         return content
 
@@ -115,16 +114,10 @@ class DracoSpace(Space):
         """The numbers (n, d) as they are to be."""
         return edits.of(self).view(self.numbers.dtype).reshape(self.numbers.shape)
 
-    def rounded(self, start: int, stride: int, numbers: AnyArray) -> AnyArray:  # noqa: ARG002
-        if not self._positions or numbers.dtype.kind != "f":
-            return numbers
-        positions = numbers.astype(np.float64)
-        return self._stream.grid.holding(positions).nearest(positions)
-
     def steps(self, start: int, stride: int, shape: tuple[int, ...]) -> Floats | None:  # noqa: ARG002
-        if not self._positions or self.numbers.dtype.kind != "f":
+        if self._number != self._stream.mesh.first or self.numbers.dtype.kind != "f":
             return None
-        return np.maximum(float_steps(self.numbers), self._stream.grid.step)
+        return np.maximum(float_steps(self.numbers), self._stream.step)
 
     def put_back(self, edits: Edits) -> None:
         self._stream.put_back(edits)
@@ -153,6 +146,8 @@ class Streams:
             stream = self._streams[view] = Stream(fields.where, view, self._views)
             self._check(stream, given)
         stream = self._streams[view]
+        for name in attributes:
+            stream.space(attributes.whole(name))  # they are all there
         stream.users.append((mesh, number, attributes))
         for name, accessor in given.items():
             if name == "indices" or name in attributes:
@@ -169,6 +164,10 @@ class Streams:
         if ("indices" in given and given["indices"].count != 3 * triangles) or vertices > given["POSITION"].count:
             raise MeshError(f"{stream.where} has {triangles} triangles, but its accessors say something else")
         self._budget.take(24 * triangles + _VERTEX_BYTES * max(vertices, given["POSITION"].count))
+
+
+def _bytes(numbers: AnyArray) -> Bits:
+    return np.ascontiguousarray(numbers).reshape(-1).view(np.uint8)
 
 
 def _in(space: DracoSpace, accessor: Accessor, name: str) -> Accessor:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray, Bits, Floats, Ints
+from o3dmark.arrays import Bits, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files import _meshopt_codec as codec
 from o3dmark.files._budget import Budget
@@ -59,13 +59,13 @@ class Packing:
 class MeshoptSpace(Space):
     """The bytes that a compressed view holds.
 
-    plain: the buffer, and where in it, that holds the same as it is for readers without the codec, if it has bytes.
+    plain: the buffer, and where in it, that holds the same as it is for readers without the codec, if it is there.
     """
 
     def __init__(self, packing: Packing, buffers: Buffers, plain: tuple[Buffer, int], budget: Budget) -> None:
         self._packing, self._budget = packing, budget
         self._buffer = buffers[packing.buffer]
-        self._plain = plain if plain[0].has_bytes else None
+        self._plain = plain if plain[0].has(plain[1], packing.count * packing.stride) else None
 
     @property
     def buffers(self) -> tuple[Buffer, ...]:
@@ -102,15 +102,6 @@ class MeshoptSpace(Space):
             raise MeshError(f"{self._packing.where} reaches beyond the {len(content)} bytes that there are")
         return content[start : start + length].tobytes()
 
-    def rounded(self, start: int, stride: int, numbers: AnyArray) -> AnyArray:
-        """Numbers (n, d) that stand from byte ``start`` on, ``stride`` apart, as the filter can hold them."""
-        if self._packing.filter != "EXPONENTIAL" or numbers.dtype.kind != "f":
-            return numbers
-        mantissas, exponents = codec.mantissas_of(
-            numbers.astype(np.float64), self._exponents(start, stride, numbers.shape)
-        )
-        return np.ldexp(mantissas.astype(np.float64), exponents).astype(numbers.dtype)
-
     def steps(self, start: int, stride: int, shape: tuple[int, ...]) -> Floats | None:
         if self._packing.filter != "EXPONENTIAL":
             return None
@@ -130,6 +121,8 @@ class MeshoptSpace(Space):
             return
         filtered = self._filtered.copy()
         filtered[rows] = codec.filtered(changed[rows], self._packing.filter, filtered[rows])
+        now = codec.unfiltered(self._packing.where, filtered, self._packing.filter)
+        edits.spaces[self] = now.reshape(-1)
         version = codec.version_of(self._packing.where, self._packed)
         packed = codec.encoded(self._packing.where, filtered, version)
         path = "bufferViews", self._packing.view, "extensions", self._packing.extension
@@ -137,4 +130,4 @@ class MeshoptSpace(Space):
         if self._plain:
             buffer, start = self._plain
             plain = edits.of(buffer)[start : start + shape[0] * shape[1]].reshape(shape)
-            plain[rows] = changed[rows]
+            plain[rows] = now[rows]

@@ -78,7 +78,7 @@ def bodies(root: Fields, views: Views, accessors: Accessors, places: dict[int, l
     kept = list(dict.fromkeys(rows.space.holds for _, accessor in roles for rows in accessor.all_rows))
     held = [[_bytes(*place) for place in places_of] for places_of in kept]
     owned = [[rows for rows in (accessor.base, accessor.values) if rows] for _, accessor in roles] + held
-    others = set(_other_rows(root, views, accessors)) - {rows for each in held for rows in each}
+    others = _other_rows(root, views, accessors, {rows for each in held for rows in each})
     linked, fixed, left = _judged(roles, kept, overlaps(owned, others, budget))
     groups = _groups(primitives, linked)
     names = _names(meshes)
@@ -102,11 +102,11 @@ def _roles(primitives: Iterable[Sequence[Primitive]]) -> dict[Role, int]:
     return roles
 
 
-def _other_rows(root: Fields, views: Views, accessors: Accessors) -> Iterator[Rows]:
+def _other_rows(root: Fields, views: Views, accessors: Accessors, held: set[Rows]) -> Iterator[Rows]:
     """All bytes that are used for something that stays: other attributes, indices, images, data of extensions.
 
     Of an accessor that nobody understands, and of a view without accessors, that is the whole view; of a compressed
-    view also where it is kept.
+    view also where it is kept. One view may be what is ``held``; a second on the same bytes is another use of them.
     """
     movable, other = _uses(root, len(accessors))
     understood = set()
@@ -126,9 +126,14 @@ def _other_rows(root: Fields, views: Views, accessors: Accessors) -> Iterator[Ro
             window = views[number]
         except MeshError:
             continue
+        taken = [_bytes(*place) for place in window.space.holds]
         if number not in understood:
-            yield _bytes(window.space, window.start, window.length)
-        yield from (_bytes(*place) for place in window.space.holds)
+            taken.append(_bytes(window.space, window.start, window.length))
+        for rows in taken:
+            if rows in held:
+                held.remove(rows)
+            else:
+                yield rows
 
 
 def _bytes(space: Space, start: int, length: int) -> Rows:

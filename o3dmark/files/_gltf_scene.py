@@ -4,18 +4,21 @@ Sources: glTF 2.0 specification, 3.5 (scenes); EXT_mesh_gpu_instancing.
 """
 
 from collections import defaultdict
+from collections.abc import Iterator
 
 import numpy as np
 
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._budget import Budget
-from o3dmark.files._gltf_accessors import Accessors
+from o3dmark.files._gltf_accessors import Accessor, Accessors
 from o3dmark.files._json_fields import Fields
+from o3dmark.files.asset import STAYS
 
 _MOST_NODES = 100_000
 _INSTANCING = "EXT_mesh_gpu_instancing"
 _MATRIX_BYTES = 128
+_TRANSFORM = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 
 
 def placements(root: Fields, accessors: Accessors, budget: Budget) -> dict[int, list[Floats]]:
@@ -27,20 +30,34 @@ def placements(root: Fields, accessors: Accessors, budget: Budget) -> dict[int, 
     if len(nodes) > _MOST_NODES:
         raise MeshError(f"{root.where} has {len(nodes)} nodes; up to {_MOST_NODES} are read")
     found: dict[int, list[Floats]] = defaultdict(list)
+    world, instances = _locals(nodes), _Instances(accessors, budget)
+    with np.errstate(all="ignore"):
+        for number, parent in _walk(nodes, _roots(root, nodes)):
+            if parent >= 0:
+                world[number] = world[parent] @ world[number]
+            node = nodes[number]
+            if "mesh" in node:
+                stack = world[number] @ instances.of(node)
+                if not np.isfinite(stack).all():
+                    raise MeshError(f"{node.where} is placed where no number reaches")
+                found[node.number_of("mesh", n_meshes)].append(stack)
+    return found
+
+
+def _walk(nodes: list[Fields], roots: list[int]) -> Iterator[tuple[int, int]]:
+    """Nodes and their parents, or -1, from the roots down, each after its parent.
+
+    Errors: MeshError where a node is met twice.
+    """
     seen: set[int] = set()
-    waiting = [(number, np.eye(4)) for number in reversed(_roots(root, nodes))]
+    waiting = [(number, -1) for number in reversed(roots)]
     while waiting:
         number, parent = waiting.pop()
-        node = nodes[number]
         if number in seen:
-            raise MeshError(f"{node.where} is its own ancestor, or has two parents")
+            raise MeshError(f"{nodes[number].where} is its own ancestor, or has two parents")
         seen.add(number)
-        world = _product(node, parent, _local(node))
-        if "mesh" in node:
-            mesh = node.number_of("mesh", n_meshes)
-            found[mesh].append(_instances(node, world, accessors, budget))
-        waiting += [(child, world) for child in reversed(node.numbers_of("children", len(nodes)))]
-    return found
+        yield number, parent
+        waiting += [(child, number) for child in reversed(nodes[number].numbers_of("children", len(nodes)))]
 
 
 def _roots(root: Fields, nodes: list[Fields]) -> list[int]:
@@ -54,14 +71,17 @@ def _roots(root: Fields, nodes: list[Fields]) -> list[int]:
     return [number for number in range(len(nodes)) if number not in children]
 
 
-def _local(node: Fields) -> Floats:
-    """A node's own matrix (4, 4)."""
-    if "matrix" in node:
-        return np.array(node.floats("matrix", np.eye(4).ravel().tolist())).reshape(4, 4).T
-    translation = np.array([node.floats("translation", (0, 0, 0))])
-    rotation = np.array([node.floats("rotation", (0, 0, 0, 1))])
-    scale = np.array([node.floats("scale", (1, 1, 1))])
-    return matrices(translation, rotation, scale)[0]
+def _locals(nodes: list[Fields]) -> Floats:
+    """The nodes' own matrices (k, 4, 4)."""
+    columns = [
+        np.array([node.floats(name, default) if name in node else default for node in nodes]).reshape(-1, len(default))
+        for name, default in _TRANSFORM.items()
+    ]
+    local = matrices(*columns)
+    for number, node in enumerate(nodes):
+        if "matrix" in node:
+            local[number] = np.reshape(node.floats("matrix", [0.0] * 16), (4, 4)).T
+    return local
 
 
 def matrices(translations: Floats, rotations: Floats, scales: Floats) -> Floats:
@@ -84,33 +104,35 @@ def _composed(translations: Floats, rotations: Floats, scales: Floats) -> Floats
     return matrix
 
 
-def _instances(node: Fields, world: Floats, accessors: Accessors, budget: Budget) -> Floats:
-    """The node's matrix, or one for each of its instances (k, 4, 4)."""
-    extensions = node.part("extensions")
-    if _INSTANCING not in extensions:
-        budget.take(_MATRIX_BYTES)
-        return world[None]
-    attributes = extensions.part(_INSTANCING).part("attributes")
-    given = {
-        name: accessors[attributes.number_of(name, len(accessors))]
-        for name in ("TRANSLATION", "ROTATION", "SCALE")
-        if name in attributes
-    }
-    count = max((accessor.count for accessor in given.values()), default=1)
-    budget.take(_MATRIX_BYTES * count)
-    columns = []
-    for name, default in (("TRANSLATION", (0.0, 0, 0)), ("ROTATION", (0.0, 0, 0, 1)), ("SCALE", (1.0, 1, 1))):
-        accessor = given.get(name)
-        if accessor and (accessor.width != len(default) or accessor.count != count):
-            raise attributes.wrong(name, f"{count} rows of {len(default)} numbers")
-        columns.append(accessor.floats() if accessor else np.tile(default, (count, 1)))
-    return _product(node, world, matrices(*columns))
+class _Instances:
+    """Where the instances of a node stand in its own frame; many nodes may name the same numbers."""
 
+    def __init__(self, accessors: Accessors, budget: Budget) -> None:
+        self._accessors, self._budget = accessors, budget
+        self._known: dict[tuple[Accessor | None, ...], Floats] = {}
 
-def _product(node: Fields, parent: Floats, local: Floats) -> Floats:
-    """Errors: MeshError where the numbers grow beyond all bounds."""
-    with np.errstate(all="ignore"):
-        product = parent @ local
-    if not np.isfinite(product).all():
-        raise MeshError(f"{node.where} is placed where no number reaches")
-    return product
+    def of(self, node: Fields) -> Floats:
+        """Matrices (k, 4, 4), or the one that changes nothing for a node that is alone."""
+        extensions = node.part("extensions")
+        if _INSTANCING not in extensions:
+            self._budget.take(_MATRIX_BYTES)
+            return STAYS
+        attributes = extensions.part(_INSTANCING).part("attributes")
+        names = [name.upper() for name in _TRANSFORM]
+        given = tuple(
+            self._accessors[attributes.number_of(name, len(self._accessors))] if name in attributes else None
+            for name in names
+        )
+        count = max((accessor.count for accessor in given if accessor), default=1)
+        self._budget.take(_MATRIX_BYTES * count)
+        if given not in self._known:
+            for name, accessor, default in zip(names, given, _TRANSFORM.values(), strict=True):
+                if accessor and (accessor.width, accessor.count) != (len(default), count):
+                    raise attributes.wrong(name, f"{count} rows of {len(default)} numbers")
+            self._known[given] = matrices(
+                *(
+                    accessor.floats() if accessor else np.tile(default, (count, 1))
+                    for accessor, default in zip(given, _TRANSFORM.values(), strict=True)
+                )
+            )
+        return self._known[given]

@@ -67,6 +67,8 @@ class Gltf(Asset):
         for number, vertices in moved.items():
             self._move(edits, self._bodies.bodies[number], vertices)
         edits.put_back()
+        for number, vertices in moved.items():
+            self._bound(edits, self._bodies.bodies[number], vertices)
         return self._buffers.written(edits, names or {}, self.changing)
 
     def mesh(self) -> TriangleMesh:
@@ -80,7 +82,8 @@ class Gltf(Asset):
                 f"{self.name}: its {len(self.parts)} meshes stand at {sum(len(part.placements) for part in self.parts)}"
                 " places, which is too much for one mesh; save those that are wanted in a file of their own"
             )
-        exact = super().mesh()
+        with np.errstate(all="ignore"):  # places may be as far away as numbers go
+            exact = super().mesh()
         return self._dressed(exact) or exact
 
     def _dressed(self, exact: TriangleMesh) -> TriangleMesh | None:
@@ -105,7 +108,7 @@ class Gltf(Asset):
                     yield from rows.space.buffers
 
     def _move(self, edits: Edits, body: Body, vertices: Floats) -> None:
-        """Write the positions (n, 3) of a part, their bounds, and its normals and tangents."""
+        """Write the positions (n, 3) of a part, and its normals and tangents."""
         if not np.isfinite(vertices).all():
             raise MeshError(f"{self.name}, {body.part.name}: its new positions are not all finite")
         changed = vertices != body.part.vertices
@@ -117,22 +120,28 @@ class Gltf(Asset):
                 raw = np.where(changed[rows], block.nearest(vertices[rows]), block.raw())
                 block.write(edits, raw, changed[rows].any(axis=1))
                 after[rows] = block.floats(raw)
-                for number in body.numbers[block]:
-                    self._bound(edits, number, raw)
         self._turn(edits, body, after)
 
-    def _bound(self, edits: Edits, number: int, raw: AnyArray) -> None:
-        """Replace what accessor ``number`` announces as its least and greatest numbers, where it is not true."""
-        for key, extremes in (("min", raw.min(axis=0)), ("max", raw.max(axis=0))):
-            path = "accessors", number, key
-            if self._buffers.span(*path) is None:
+    def _bound(self, edits: Edits, body: Body, vertices: Floats) -> None:
+        """Replace what accessors of positions announce as their least and greatest numbers, where it is not true."""
+        for block, rows in body.blocks.items():
+            if (vertices[rows] == body.part.vertices[rows]).all():
                 continue
-            if self._buffers.span(*path, 2) is None or self._buffers.span(*path, 3):  # not three numbers
-                edits.words[path] = f"[{', '.join(map(str, extremes))}]"
-                continue
-            for axis, extreme in enumerate(extremes):
-                if not _says(self._buffers.raw(*path, axis), extreme):
-                    edits.words[*path, axis] = str(extreme)
+            raw = block.raw(edits)
+            for number in body.numbers[block]:
+                self._announce(edits, ("accessors", number, "min"), raw.min(axis=0))
+                self._announce(edits, ("accessors", number, "max"), raw.max(axis=0))
+
+    def _announce(self, edits: Edits, path: tuple[str, int, str], numbers: AnyArray) -> None:
+        """Put numbers (3,) at a place of the text, if there are some that are not the same."""
+        if self._buffers.span(*path) is None:
+            return
+        if self._buffers.span(*path, 2) is None or self._buffers.span(*path, 3):  # not three numbers
+            edits.words[path] = f"[{', '.join(map(str, numbers))}]"
+            return
+        for axis, number in enumerate(numbers):
+            if not _says(self._buffers.raw(*path, axis), number):
+                edits.words[*path, axis] = str(number)
 
     def _turn(self, edits: Edits, body: Body, after: Floats) -> None:
         """Turn the normals and tangents of a part whose positions have become ``after`` (n, 3).
@@ -147,6 +156,8 @@ class Gltf(Asset):
             (piece.triangles.start, piece.triangles.stop, self._shift(piece, table)) for piece in pieces
         )
         triangles = np.concatenate([body.part.triangles[start:stop] for start, stop, _ in drawn])
+        if not len(triangles):
+            return
         used = np.concatenate([body.part.triangles[start:stop] + shift for start, stop, shift in drawn])
         turns = turned(body.part.vertices, after, triangles, table.vectors, used)
         _write(edits, table.rows, table.vectors, turns(table.vectors))
