@@ -85,7 +85,7 @@ class Columns:
             np.concatenate([column.ends for column in columns]),
             self.values.T.ravel(),
         )
-        fractions = every.notation(extent_of(self.values))
+        fractions = every.notation(extent_of(self.values) or extent_of(values))
         return [
             column.changes(new, fractions if kind[0] == "f" else Notation(0))
             for column, new, kind in zip(columns, values.T, self.kinds, strict=True)

@@ -142,6 +142,7 @@ class Asset(ABC):
 
 def float_steps(values: Floats, dtype: np.dtype[np.floating] | type = np.float32) -> Floats:
     """How far apart numbers of a floating type are at the magnitudes of values (n, 3), read-only."""
-    steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of the largest number, and of what is none
+        steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
     steps.setflags(write=False)
     return steps

@@ -24,8 +24,9 @@ def turned(before: Floats, after: Floats, triangles: Ints, normals: Floats, used
     corners, numbers = triangles.ravel(), used.ravel()
     kept = numbers >= 0
     group = _groups(geometry.weld(before)[1][corners[kept]], numbers[kept], normals)
+    size = int(group.max(initial=-1)) + 1  # those of normals that no triangle uses too
     means = [
-        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], group[numbers[kept]])
+        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], group[numbers[kept]], size)
         for positions in (before, after)
     ]
     return Turns(geometry.unit(means[0])[group], geometry.unit(means[1])[group])
@@ -62,6 +63,5 @@ def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
     return connected_components(links, directed=False)[1][:k].astype(np.int64)
 
 
-def _sums(vectors: Floats, group: Ints) -> Floats:
-    size = int(group.max(initial=-1)) + 1
-    return np.column_stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)])
+def _sums(vectors: Floats, group: Ints, size: int) -> Floats:
+    return np.stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)], axis=1, dtype=np.float64)
