@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fixtures.ply import any_ply, ascii_ply, binary_ply, parse_ply
+from fixtures.ply import SIGNS, any_ply, ascii_ply, binary_ply, parse_ply
 from fixtures.shapes import icosphere, rotation
 from o3dmark.errors import MeshError
 from o3dmark.files.ply import Ply
@@ -228,9 +228,11 @@ def test_any_size_can_be_written_in_a_text(ply, size):
     np.testing.assert_allclose(after, moved, rtol=0, atol=1e-8 * size)
 
 
-def test_both_zeros_and_what_is_no_number_keep_their_bytes(ply):
-    rows = [[0.0, -0.0, float("nan")], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    content = any_ply([("vertex", FLOATS, rows), ("face", ["list uchar int vertex_index"], FACES)], form=FORMS[1])
+@pytest.mark.parametrize(("form", "signalling"), [(FORMS[1], "0000a07f"), (FORMS[2], "7fa00000")])
+def test_both_zeros_and_what_is_no_number_keep_their_bytes(ply, form, signalling):
+    rows = [[0.0, -0.0, float("nan")], [7.0, 0, 0], [0, 1, 0], [0, 0, 1]]
+    content = any_ply([("vertex", FLOATS, rows), ("face", ["list uchar int vertex_index"], FACES)], form=form)
+    content = content.replace(np.array(7.0, SIGNS[form] + "f4").tobytes(), bytes.fromhex(signalling))
     asset = ply(content)
     assert asset.with_positions({0: np.abs(asset.parts[0].vertices)})["a.ply"] == content
 
