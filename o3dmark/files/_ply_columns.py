@@ -7,7 +7,7 @@ from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files._changes import differs
 from o3dmark.files._ply_header import Property
-from o3dmark.files._ply_rows import Body, Rows
+from o3dmark.files._ply_rows import Rows
 from o3dmark.files._text import Notation
 from o3dmark.files._words import Numbers, extent_of
 from o3dmark.files.asset import float_steps
@@ -19,8 +19,9 @@ class Columns:
     def __init__(self, rows: Rows, properties: tuple[Property, ...]) -> None:
         self._rows, self._properties = rows, properties
         self.values = np.empty((rows.element.count, len(properties)))
-        for column, p in zip(self.values.T, properties, strict=True):
-            column[:] = rows.numbers(p)
+        with np.errstate(invalid="ignore"):  # of what is no number
+            for column, p in zip(self.values.T, properties, strict=True):
+                column[:] = rows.numbers(p)
         self.values.setflags(write=False)
 
     @classmethod
@@ -40,21 +41,23 @@ class Columns:
     @property
     def steps(self) -> Floats:
         """How far apart the numbers are that can stand there (n, 3), or (3,); 0 for fractions in a text."""
-        text = not self._rows.body.order
-        steps = [
-            np.ones(1) if p.kind[0] != "f" else np.zeros(1) if text else float_steps(column, np.dtype(p.kind))
-            for column, p in zip(self.values.T, self._properties, strict=True)
-        ]
-        return np.column_stack(np.broadcast_arrays(*steps))
+        if not self._rows.body.order:
+            return np.array([float(kind[0] != "f") for kind in self.kinds])
+        if len(set(self.kinds)) == 1:
+            return _steps(self.values, self.kinds[0])
+        return np.column_stack([_steps(column, kind) for column, kind in zip(self.values.T, self.kinds, strict=True)])
 
     def rounded(self, values: Floats, *, clipped: bool = False) -> Floats:
         """The numbers (n, 3) that can stand there next to ``values``.
 
         Errors: MeshError for a new number that is not finite or, unless ``clipped``, beyond what its type holds.
         """
-        result = np.empty_like(self.values)
-        for k, kind in enumerate(self.kinds):
-            result[:, k] = _rounded(values[:, k], kind, text=not self._rows.body.order, clipped=clipped)
+        text = not self._rows.body.order
+        if len(set(self.kinds)) == 1:
+            result = _rounded(values, self.kinds[0], text=text, clipped=clipped)
+        else:
+            columns = zip(values.T, self.kinds, strict=True)
+            result = np.column_stack([_rounded(column, kind, text=text, clipped=clipped) for column, kind in columns])
         if not np.isfinite(result).all():
             lost = ~np.isfinite(result) & differs(values, self.values)
             for row, k in np.argwhere(lost)[:1]:
@@ -65,9 +68,9 @@ class Columns:
                 )
         return result
 
-    def put(self, body: Body, values: Floats) -> None:
-        """Write what `rounded` gave into a binary body, the caller's own, where it differs from what is there."""
-        rows, changed = self._rows.within(body), differs(values, self.values)
+    def put(self, rows: Rows, values: Floats) -> None:
+        """Write what `rounded` gave into rows that were `copied`, where it differs from what is there."""
+        changed = differs(values, self.values)
         for k, p in enumerate(self._properties):
             rows.put(p, values[:, k], changed[:, k])
 
@@ -85,11 +88,15 @@ class Columns:
             np.concatenate([column.ends for column in columns]),
             self.values.T.ravel(),
         )
-        fractions = every.notation(extent_of(self.values))
+        fractions = every.notation(extent_of(self.values) or extent_of(values))
         return [
             column.changes(new, fractions if kind[0] == "f" else Notation(0))
             for column, new, kind in zip(columns, values.T, self.kinds, strict=True)
         ]
+
+
+def _steps(values: Floats, kind: str) -> Floats:
+    return float_steps(values, np.dtype(kind)) if kind[0] == "f" else np.ones_like(values)
 
 
 def _rounded(values: Floats, kind: str, *, text: bool, clipped: bool) -> Floats:

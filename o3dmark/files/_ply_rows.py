@@ -46,9 +46,6 @@ class Body:
     def dtype(self, kind: str) -> np.dtype[np.generic]:
         return np.dtype(self.order + kind) if self.order else np.dtype(np.float64)
 
-    def replaced(self, data: AnyArray) -> "Body":
-        return replace(self, data=data)
-
     def view(self, kind: str, start: int, shape: tuple[int, ...] = (), strides: tuple[int, ...] = ()) -> AnyArray:
         """The numbers of a kind that begin at ``start`` and stand ``strides`` apart, in place."""
         unit = self.data.itemsize
@@ -149,12 +146,17 @@ class Rows:
         offset = self.start + self.offsets[self.element.properties.index(name)]
         return offset + self.stride * np.arange(self.element.count)
 
-    def within(self, body: Body) -> "Rows":
-        """The same rows in another body of the same layout."""
-        return replace(self, body=body)
+    def copied(self) -> "Rows":
+        """The same rows of a binary file, and nothing else, in bytes of their own."""
+        return replace(
+            self,
+            body=replace(self.body, data=self.body.data[self.start : self.end].copy()),
+            start=0,
+            end=self.end - self.start,
+        )
 
     def put(self, name: Property, values: AnyArray, where: Bools) -> None:
-        """Write a property that is no list in some rows (n,), in a binary body whose data are the caller's own."""
+        """Write a property that is no list in some rows (n,), in rows that were `copied`."""
         if self.even:
             np.copyto(self.numbers(name), values, casting="unsafe", where=where)
         else:

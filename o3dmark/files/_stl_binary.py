@@ -21,8 +21,9 @@ class BinaryFacets:
             raise MeshError(f"{name} is truncated, or no STL file: it has {len(content)} bytes{takes}")
         self._content = content
         self._facets = np.frombuffer(content, _FACET, int.from_bytes(content[80:_HEAD], "little"), _HEAD)
-        self.normals = self._facets["normal"].astype(np.float64)
-        self.corners = self._facets["corners"].astype(np.float64).reshape(-1, 3)
+        with np.errstate(invalid="ignore"):  # of what is no number
+            self.normals = self._facets["normal"].astype(np.float64)
+            self.corners = self._facets["corners"].astype(np.float64).reshape(-1, 3)
 
     @property
     def steps(self) -> Floats:

@@ -50,7 +50,9 @@ class TextFacets:
         """The text with other numbers; where they are equal to its own, with these, to the last character."""
         changes = [
             self._normals.changes(normals.ravel(), self._normals.notation(1.0)),
-            self._corners.changes(corners.ravel(), self._corners.notation(extent_of(self.corners))),
+            self._corners.changes(
+                corners.ravel(), self._corners.notation(extent_of(self.corners) or extent_of(corners))
+            ),
         ]
         return replaced(self._content, changes)
 

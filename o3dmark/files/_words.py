@@ -16,6 +16,7 @@ from o3dmark.mesh import geometry
 GAPS = b" \t\n\v\f\r"
 _IS_GAP = np.isin(np.arange(256), list(GAPS))
 _MOST_DIGITS = 16  # after the first: enough for every float64
+_LEAST_EXTENT = 1e-290  # with room for factors
 _CHUNK = 1 << 16  # words that are Python objects at a time
 
 
@@ -101,7 +102,8 @@ class Numbers:
 
 
 def extent_of(vertices: Floats) -> float:
-    """The diagonal of the box about vertices (n, 3), as far as they are finite."""
+    """The diagonal of the box about vertices (n, 3), as far as they are finite; 0 where all are one."""
     finite = vertices[np.isfinite(vertices).all(axis=1)]
     greatest = float(np.abs(finite).max(initial=0.0)) or 1.0  # whose square may be infinite
-    return geometry.diagonal(finite / greatest) * greatest if len(finite) else 0.0
+    extent = geometry.diagonal(finite / greatest) * greatest if len(finite) else 0.0
+    return min(max(extent, _LEAST_EXTENT), 1.0 / _LEAST_EXTENT) if extent else 0.0

@@ -55,9 +55,7 @@ class Ply(Asset):
         )
         self.parts = ()
         if self.counts[1] and self._position is not None:
-            self.parts = (
-                Part(self.path.stem, self._position.values, self._triangles, np.asarray(self._position.steps)),
-            )
+            self.parts = (Part(self.path.stem, self._position.values, self._triangles, self._position.steps),)
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -92,8 +90,7 @@ class Ply(Asset):
         changes = [(self._position, position)]
         if self._normal is not None and self._normal.signed:
             changes.append((self._normal, self._normal.rounded(self._turned(position), clipped=True)))
-        head = self._content[: self._header.size]
-        return {self.name: head + (self._bytes(changes) if self._header.order else self._text(changes))}
+        return {self.name: self._bytes(changes) if self._header.order else self._text(changes)}
 
     def mesh(self) -> TriangleMesh:
         """The mesh, or without faces just its vertices, with colours and normals of the vertices."""
@@ -143,16 +140,18 @@ class Ply(Asset):
         return np.where(known & np.isfinite(new).all(axis=1, keepdims=True), new, normals)
 
     def _bytes(self, changes: list[tuple[Columns, Floats]]) -> bytes:
-        data = self._body.data.copy()
+        assert self._vertex is not None
+        rows = self._vertex.copied()
         for columns, values in changes:
-            columns.put(self._body.replaced(data), values)
-        return data.tobytes()
+            columns.put(rows, values)
+        content, head = memoryview(self._content), self._header.size
+        return b"".join((content[: head + self._vertex.start], rows.body.data.data, content[head + self._vertex.end :]))
 
     def _text(self, changes: list[tuple[Columns, Floats]]) -> bytes:
-        text = self._content[self._header.size :]
+        head, text = self._content[: self._header.size], self._content[self._header.size :]
         starts, ends = _words.words(text)
         new = [columns.changes(values, text, starts, ends) for columns, values in changes]
-        return _words.replaced(text, itertools.chain.from_iterable(new))
+        return head + _words.replaced(text, itertools.chain.from_iterable(new))
 
 
 def read(path: Path) -> TriangleMesh:

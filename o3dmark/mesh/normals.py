@@ -64,4 +64,4 @@ def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
 
 
 def _sums(vectors: Floats, group: Ints, size: int) -> Floats:
-    return np.column_stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)])
+    return np.stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)], axis=1, dtype=np.float64)
