@@ -11,7 +11,14 @@ import numpy as np
 from o3dmark.arrays import AnyArray
 from o3dmark.files._repack import Packed
 
-_TYPES: dict[int, type[np.generic]] = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+_TYPES: dict[int, type[np.generic]] = {
+    5120: np.int8,
+    5121: np.uint8,
+    5122: np.int16,
+    5123: np.uint16,
+    5125: np.uint32,
+    5126: np.float32,
+}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _FLOAT = 5126
 _NAMES = ("POSITION", "NORMAL", "TANGENT", "TEXCOORD", "COLOR")
