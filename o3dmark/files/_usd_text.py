@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray
+from o3dmark.arrays import AnyArray, Ints
 from o3dmark.errors import MeshError
 
 Span = tuple[int, int]
@@ -18,7 +18,7 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 _NUMBERS = re.compile(rb"[\s\d+\-.eE,()naifNAIF]*\]")
-_NUMBER = re.compile(rb"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf|nan)")
+_BLANK = bytes.maketrans(b"(),\t\r\n", b"      ")
 _CLOSED_BY = {b"(": b")", b"[": b"]", b"{": b"}"}
 _DEEPEST = 200  # prims within prims: the library's own parser calls itself for each
 
@@ -63,8 +63,12 @@ def arrays(name: str, text: bytes) -> dict[str, Span | None]:
 
 
 def numbers(text: bytes, span: Span) -> AnyArray:
-    """The numbers in an array of the text (n,), as float64 next to what is written."""
-    return np.array([float(match[0]) for match in _NUMBER.finditer(text, *span)])
+    """The numbers in an array of the text (n,), as float64 next to what is written; none if there are other words."""
+    try:
+        found = np.fromstring(text[slice(*span)].translate(_BLANK), np.float64, sep=" ")
+    except ValueError:
+        return np.empty(0)
+    return found if len(found) == len(_places(text, span)[0]) else np.empty(0)
 
 
 def with_numbers(text: bytes, edits: dict[Span, tuple[AnyArray, AnyArray]]) -> bytes:
@@ -72,11 +76,19 @@ def with_numbers(text: bytes, edits: dict[Span, tuple[AnyArray, AnyArray]]) -> b
     characters, others are written with as many as tell them from all other float32 numbers."""
     parts, at = [], 0
     for span, (before, after) in sorted(edits.items(), key=lambda edit: edit[0]):
-        places = list(_NUMBER.finditer(text, *span))
-        for number in np.flatnonzero(before != after).tolist():
-            parts += [text[at : places[number].start()], str(after[number]).encode()]
-            at = places[number].end()
+        changed = before != after
+        start, stop = (places[changed].tolist() for places in _places(text, span))
+        for begin, end, new in zip(start, stop, after[changed].astype("S32").tolist(), strict=True):
+            parts += [text[at:begin], new]
+            at = end
     return b"".join([*parts, text[at:]])
+
+
+def _places(text: bytes, span: Span) -> tuple[Ints, Ints]:
+    """Where each number of an array begins and ends (n,)."""
+    inside = np.frombuffer(text[slice(*span)].translate(_BLANK), np.uint8) > ord(" ")
+    change = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
+    return np.flatnonzero(change == 1) + span[0], np.flatnonzero(change == -1) + span[0]
 
 
 def _opens_variants(words: list[bytes]) -> bool:
