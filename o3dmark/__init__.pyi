@@ -1,3 +1,4 @@
+from . import marking as marking
 from ._version import __version__ as __version__
 from .attacks import ATTACKS as ATTACKS
 from .attacks import attack_all as attack_all
@@ -9,6 +10,7 @@ from .errors import KeyFileError as KeyFileError
 from .errors import MeshError as MeshError
 from .errors import O3dmarkError as O3dmarkError
 from .errors import SpecError as SpecError
+from .files import open_asset as open_asset
 from .files import read_mesh as read_mesh
 from .files import write_mesh as write_mesh
 from .mesh.saliency import Saliency as Saliency

@@ -71,6 +71,10 @@ class Watermark:
         A wrong key yields a message no more often than ``false_positive_rate``.
         """
         extraction = self.extract_bits(mesh, key, reference=reference)
+        return self.decode(extraction, key, false_positive_rate=false_positive_rate)
+
+    def decode(self, extraction: Extraction, key: Key, *, false_positive_rate: float = 1e-4) -> Reading:
+        """The message in what `extract_bits` returned."""
         decoded = self.code.decode(
             extraction.soft, key, hypotheses=extraction.hypotheses, false_positive_rate=false_positive_rate
         )
@@ -89,12 +93,17 @@ class Watermark:
 
         It then asks of all the readings that the method tried, not only of the one that it believed in.
         """
-        read = self.extract_bits(mesh, key, reference=reference)
+        extraction = self.extract_bits(mesh, key, reference=reference)
+        return self.test(extraction, key, message, false_positive_rate=false_positive_rate)
+
+    def test(
+        self, extraction: Extraction, key: Key, message: str | None = None, *, false_positive_rate: float = 1e-6
+    ) -> Detection:
+        """The answer of `detect` for what `extract_bits` returned."""
         if message is None:
-            return self.code.decode(
-                read.soft, key, hypotheses=read.hypotheses, false_positive_rate=false_positive_rate
-            ).detection
-        return read.detect(self.code.encode(message, self.n_bits, key), false_positive_rate=false_positive_rate)
+            return self.decode(extraction, key, false_positive_rate=false_positive_rate).decoded.detection
+        bits = self.code.encode(message, self.n_bits, key)
+        return extraction.detect(bits, false_positive_rate=false_positive_rate)
 
     def embed_bits(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """Raw bits past the code: what the paper and the benchmark measure."""

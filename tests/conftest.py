@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from fixtures.paths import GOLDEN, ROOT, SHARED
+from o3dmark.arrays import Floats
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import TriangleMesh
 
@@ -29,6 +30,22 @@ def spot() -> TriangleMesh:
     from o3dmark.files import read_mesh
 
     return read_mesh(GOLDEN / "spot.ply")
+
+
+@pytest.fixture(scope="session")
+def points(spot: TriangleMesh) -> Floats:
+    """Spot's vertices (n, 3)."""
+    from o3dmark.mesh.surface import mesh_arrays
+
+    return mesh_arrays(spot)[0]
+
+
+@pytest.fixture(scope="session")
+def ball() -> TriangleMesh:
+    """A unit ball of meridians and parallels, to be drawn. Do not change it."""
+    import open3d as o3d
+
+    return o3d.geometry.TriangleMesh.create_sphere(1.0, 16)
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,8 @@ import pytest
 from fixtures.paths import GOLDEN, ROOT
 from fixtures.small_campaign import TOML, campaign, ring
 from o3dmark.campaign import Campaign, Gallery, find_spec, read_campaign
-from o3dmark.campaign.spec_file import SPECS, figures
+from o3dmark.campaign.published import figures
+from o3dmark.campaign.spec_file import SPECS
 from o3dmark.errors import SpecError
 from o3dmark.files import write_mesh
 
@@ -84,15 +85,13 @@ def test_published_figures_are_kept(tmp_path: Path) -> None:
     plan = campaign(tmp_path, text)
     (tmp_path / "figures.csv").unlink()
     kept = Campaign.from_dict(json.loads(json.dumps(plan.to_dict())))
-    assert figures(kept.published) == [
-        dict(zip(FIGURES.split()[0].split(","), ["noise", "theirs", "corr", "0.05%", "Ring", "0.9"], strict=True))
-    ]
+    assert figures(kept.published) == (("noise", "theirs", "corr", "0.05%", "Ring", 0.9),)
     assert kept.published_names == {"theirs": "Theirs 2019"}
     for old, new, complaint in [
         ("", "", "published: cannot read 'figures.csv'"),
         ("model", "mesh", "published: the first line should be table,method"),
-        ("0.9", "high", "published, line 2: 'high' is no number"),
-        (",0.9", "", "published, line 2: None is no number"),
+        ("0.9", "high", "published, line 2: should be .* with a number"),
+        (",0.9", "", "published, line 2: should be .* with a number"),
         ("theirs", "ours", "published_names: 'theirs' is none of ours"),
     ]:
         if old:
@@ -192,7 +191,7 @@ def test_some_campaigns_need_no_file(name: str) -> None:
 
 def test_every_model_of_the_paper_is_compared_under_its_name() -> None:
     """A mesh is compared with the figures of its own name alone, so the names have to be those."""
-    models = {line["model"] for line in figures((SPECS / "hamidi2019.csv").read_text())}
+    models = {figure.model for figure in figures((SPECS / "hamidi2019.csv").read_text())}
     assert {mesh.name for mesh in read_campaign(find_spec("paper")).meshes} == models
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fixtures.command_line import run
 from o3dmark.cli import app, main
 from o3dmark.files import write_mesh
 from o3dmark.mesh.surface import TriangleMesh
@@ -30,17 +31,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, carrier: Any) -> Path:
     write_mesh(path / "cover.ply", cover)
     write_mesh(path / "marked.ply", Watermark().embed(cover, MESSAGE, key))
     return path
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, Any, str]:
-    """Exit code, parsed stdout (None where it is no JSON) and stderr of a command."""
-    with pytest.raises(SystemExit) as leave:
-        main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    try:
-        return int(leave.value.code or 0), json.loads(out), err
-    except json.JSONDecodeError:
-        return int(leave.value.code or 0), None, err
 
 
 def test_keygen_makes_a_private_key_and_keeps_an_old_one(tmp_path: Path, capsys: Any) -> None:
@@ -100,7 +90,8 @@ def test_what_cannot_be_read_back_is_not_kept(folder: Path, tmp_path: Path, caps
     words = ("--message", MESSAGE, "--method", "saliency-scs:sync=rank", "--json")
     code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", folder / "owner.key", *words)
     assert (code, result["verified"], result["output"]) == (1, False, None)
-    assert "nothing was kept" in err
+    assert "nothing was written" in err
+    assert "--profile robust-2026 holds this message in this mesh" in err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -108,7 +99,8 @@ def test_the_cover_is_never_overwritten(folder: Path, capsys: Any) -> None:
     before = (folder / "cover.ply").read_bytes()
     words = ("--key", folder / "owner.key", "--message", MESSAGE, "--json")
     code, result, _ = run(capsys, "embed", folder / "cover.ply", folder / "cover.ply", *words)
-    assert (code, result["error"]) == (2, "UsageError")
+    assert (code, result["error"]) == (2, "SpecError")
+    assert "cover-1.ply is free" in result["message"]
     assert (folder / "cover.ply").read_bytes() == before
 
 

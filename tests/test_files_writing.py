@@ -3,7 +3,7 @@
 import open3d as o3d
 import pytest
 
-from o3dmark.errors import MeshError
+from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import replacing, write_mesh
 
 
@@ -45,7 +45,7 @@ def test_a_block_that_raises_leaves_the_old_file_and_nothing_else(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         write()
-    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"a.json": "old"}
+    assert contents(tmp_path) == {"a.json": "old"}
 
 
 def test_a_block_that_ends_well_replaces_the_file_and_brings_its_companions(tmp_path):
@@ -55,4 +55,24 @@ def test_a_block_that_ends_well_replaces_the_file_and_brings_its_companions(tmp_
         draft.write_text("new")
         (draft.parent / "beside.txt").write_text("beside")
         assert path.read_text() == "old"
-    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"a.json": "new", "beside.txt": "beside"}
+    assert contents(tmp_path) == {"a.json": "new", "beside.txt": "beside"}
+
+
+def contents(folder):
+    return {file.name: file.read_text() for file in folder.iterdir()}
+
+
+def test_companions_take_no_place_but_of_those_of_a_file_that_was_there(tmp_path):
+    (tmp_path / "beside.txt").write_text("somebody's")
+    with pytest.raises(SpecError, match=r"a\.json would come with beside\.txt"):
+        write_two(tmp_path / "a.json")
+    assert contents(tmp_path) == {"beside.txt": "somebody's"}
+    (tmp_path / "a.json").write_text("old")
+    write_two(tmp_path / "a.json")
+    assert contents(tmp_path) == {"a.json": "new", "beside.txt": "new"}
+
+
+def write_two(path):
+    with replacing(path) as draft:
+        draft.write_text("new")
+        (draft.parent / "beside.txt").write_text("new")

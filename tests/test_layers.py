@@ -25,6 +25,7 @@ LAYERS = """
     attacks metrics synthetic methods
     watermark
     profiles
+    marking
     view
     campaign
     report

@@ -6,7 +6,18 @@ import pytest
 
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh, with_vertices
+from o3dmark.mesh.surface import (
+    Surface,
+    TriangleMesh,
+    check_precision,
+    float_steps,
+    is_cloud,
+    legacy_cloud,
+    mesh_arrays,
+    point_cloud,
+    triangle_mesh,
+    with_vertices,
+)
 
 VERTICES, TRIANGLES = mesh_arrays(TriangleMesh.create_octahedron())
 FLOAT64 = o3d.core.float64
@@ -150,11 +161,11 @@ def test_with_vertices_carries_everything_through(dressed):
         np.testing.assert_array_equal(getattr(marked, name), getattr(dressed, name), err_msg=name)
 
 
-def test_normals_are_computed_anew_where_there_were_some(dressed):
+def test_normals_follow_the_surface_where_there_were_some(dressed):
     surface = Surface.of(dressed)
     marked = with_vertices(dressed, surface, surface.vertices * [1.0, 2.0, 3.0])
     expected = triangle_mesh(np.asarray(marked.vertices), TRIANGLES).compute_vertex_normals()
-    np.testing.assert_array_equal(marked.vertex_normals, expected.vertex_normals)
+    np.testing.assert_allclose(marked.vertex_normals, expected.vertex_normals, atol=1e-12)
     bare = triangle_mesh(VERTICES, TRIANGLES)
     assert not with_vertices(bare, Surface.of(bare), VERTICES).has_vertex_normals()
     flat = TriangleMesh(bare).compute_triangle_normals()
@@ -180,20 +191,52 @@ def test_with_vertices_is_the_inverse_of_surface(dressed):
         np.testing.assert_array_equal(with_vertices(mesh, surface, surface.vertices).vertices, mesh.vertices)
 
 
-def test_a_tensor_mesh_of_double_precision_is_taken():
-    mesh = tensor_mesh(np.float64)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_tensor_mesh_is_taken_and_given_back_in_its_precision(dtype):
+    mesh = tensor_mesh(dtype)
+    mesh.compute_vertex_normals()
     surface = Surface.of(mesh)
     np.testing.assert_array_equal(surface.vertices, VERTICES)
-    marked = with_vertices(mesh, surface, 2 * surface.vertices)
+    marked = with_vertices(mesh, surface, surface.vertices * [1.0, 1.0, 1.7])
     assert isinstance(marked, o3d.t.geometry.TriangleMesh)
-    assert marked.vertex.positions.dtype == FLOAT64
-    np.testing.assert_array_equal(marked.vertex.positions.numpy(), 2 * VERTICES)
+    assert marked.vertex.positions.dtype == mesh.vertex.positions.dtype
+    assert marked.vertex.normals.dtype == mesh.vertex.normals.dtype
+    np.testing.assert_array_equal(marked.vertex.positions.numpy(), (VERTICES * [1.0, 1.0, 1.7]).astype(dtype))
+    expected = triangle_mesh(VERTICES * [1.0, 1.0, 1.7], TRIANGLES).compute_vertex_normals()
+    np.testing.assert_allclose(marked.vertex.normals.numpy(), expected.vertex_normals, atol=1e-6)
     np.testing.assert_array_equal(mesh.vertex.positions.numpy(), VERTICES)
 
 
-def test_a_tensor_mesh_of_single_precision_is_refused():
-    with pytest.raises(MeshError, match=r"float32.*float64"):
-        Surface.of(tensor_mesh(np.float32))
+def test_numbers_too_coarse_for_a_mark_are_refused_with_what_would_do():
+    mesh = tensor_mesh(np.float32)
+    mesh.translate([5e6, 0.0, 0.0])
+    surface = Surface.of(mesh)
+    with pytest.raises(MeshError, match=r"0\.5 apart.*to the origin"):
+        with_vertices(mesh, surface, surface.vertices)
+    check_precision(float_steps(VERTICES + 1e4), 2.0)
+    check_precision(float_steps(VERTICES + 5e6, np.float64), 2.0)
+
+
+@pytest.mark.parametrize("missing", ["vertices", "triangles"])
+def test_a_tensor_mesh_without_a_part_is_refused(missing):
+    mesh = o3d.t.geometry.TriangleMesh()
+    if missing == "triangles":
+        mesh.vertex.positions = o3d.core.Tensor(VERTICES)
+    with pytest.raises(MeshError, match="no vertices, or no triangles"):
+        Surface.of(mesh)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_tensor_clouds_are_taken(dtype):
+    cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(VERTICES.astype(dtype)))
+    assert is_cloud(cloud)
+    assert not legacy_cloud(cloud).has_normals()
+    cloud.point.normals = o3d.core.Tensor(VERTICES.astype(dtype))
+    for array in (legacy_cloud(cloud).points, legacy_cloud(cloud).normals):
+        np.testing.assert_array_equal(array, VERTICES)
+    with pytest.raises(MeshError, match="no points"):
+        legacy_cloud(o3d.t.geometry.PointCloud())
+    assert not is_cloud(tensor_mesh(dtype))
 
 
 @pytest.mark.parametrize("thing", [None, "mesh.ply", VERTICES, point_cloud(VERTICES)], ids=lambda t: type(t).__name__)

@@ -123,7 +123,7 @@ def test_published_figures_are_found_by_table_condition_and_model_alone() -> Non
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "first line"),
+        ("\n", "first line"),
         ("a,b\n", "first line"),
         (FIGURES + "noise,x,corr\n", "line 17"),
         (FIGURES + "a,b,c,d,e,much\n", "line 17"),
@@ -132,6 +132,10 @@ def test_published_figures_are_found_by_table_condition_and_model_alone() -> Non
 def test_published_figures_that_are_none_are_refused(text: str, reason: str) -> None:
     with pytest.raises(SpecError, match=reason):
         Published.read(text, {})
+
+
+def test_no_text_is_no_figures() -> None:
+    assert Published.read("", {}).figures == ()
 
 
 def test_the_papers_figures_are_complete() -> None:

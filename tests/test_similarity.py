@@ -6,42 +6,38 @@ import pytest
 from fixtures.shapes import some_similarity
 from o3dmark.mesh import geometry, similarity
 from o3dmark.mesh.similarity import UnitSize
-from o3dmark.mesh.surface import mesh_arrays
-
-
-@pytest.fixture(scope="module")
-def cover(spot):
-    return mesh_arrays(spot)[0]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_similarity_is_recovered_exactly(cover, seed):
+def test_similarity_is_recovered_exactly(points, seed):
     matrix = some_similarity(seed)
-    np.testing.assert_allclose(similarity.fitted(cover, similarity.apply(matrix, cover)), matrix, atol=1e-11)
+    np.testing.assert_allclose(similarity.fitted(points, similarity.apply(matrix, points)), matrix, atol=1e-11)
 
 
-def test_similarity_of_a_set_with_itself_is_the_identity(cover):
-    np.testing.assert_allclose(similarity.fitted(cover, cover), np.eye(4), atol=1e-13)
+def test_similarity_of_a_set_with_itself_is_the_identity(points):
+    np.testing.assert_allclose(similarity.fitted(points, points), np.eye(4), atol=1e-13)
 
 
-def test_similarity_composes_and_inverts(cover):
+def test_similarity_composes_and_inverts(points):
     there = some_similarity(1)
-    np.testing.assert_allclose(similarity.fitted(similarity.apply(there, cover), cover) @ there, np.eye(4), atol=1e-10)
+    np.testing.assert_allclose(
+        similarity.fitted(similarity.apply(there, points), points) @ there, np.eye(4), atol=1e-10
+    )
 
 
-def test_similarity_is_never_a_reflection(cover):
-    mirrored = similarity.fitted(cover, cover * [-1.0, 1, 1])
+def test_similarity_is_never_a_reflection(points):
+    mirrored = similarity.fitted(points, points * [-1.0, 1, 1])
     assert np.linalg.det(mirrored[:3, :3]) > 0
 
 
-def test_similarity_is_the_least_squares_one(cover):
+def test_similarity_is_the_least_squares_one(points):
     """No similarity near it fits better."""
-    noise = 0.02 * np.random.default_rng(0).normal(size=cover.shape)
-    target = similarity.apply(some_similarity(2, scale=1.0), cover) + noise
-    best = similarity.fitted(cover, target)
+    noise = 0.02 * np.random.default_rng(0).normal(size=points.shape)
+    target = similarity.apply(some_similarity(2, scale=1.0), points) + noise
+    best = similarity.fitted(points, target)
 
     def misfit(matrix):
-        return np.sum((similarity.apply(matrix, cover) - target) ** 2)
+        return np.sum((similarity.apply(matrix, points) - target) ** 2)
 
     for seed in range(20):
         turn = some_similarity(seed, scale=1.0)[:3, :3]
@@ -77,15 +73,15 @@ def test_a_step_along_normals_finds_a_small_motion() -> None:
 
 
 @pytest.mark.parametrize("of", [UnitSize.about_mean, UnitSize.about_box])
-def test_points_come_to_the_origin_and_to_size_one_and_back(cover, of):
-    there = 1e-3 * cover + 7.0
+def test_points_come_to_the_origin_and_to_size_one_and_back(points, of):
+    there = 1e-3 * points + 7.0
     unit = of(there)
     assert geometry.diagonal(unit.apply(there)) == pytest.approx(1.0)
     np.testing.assert_allclose(unit.undo(unit.apply(there)), there, rtol=1e-15)
-    np.testing.assert_allclose(unit.apply(there), of(cover).apply(cover), atol=1e-11)
+    np.testing.assert_allclose(unit.apply(there), of(points).apply(points), atol=1e-11)
 
 
-def test_the_origin_is_the_mean_or_the_middle_of_the_box(cover):
-    np.testing.assert_allclose(UnitSize.about_mean(cover).apply(cover).mean(axis=0), 0.0, atol=1e-12)
-    box = UnitSize.about_box(cover).apply(cover)
+def test_the_origin_is_the_mean_or_the_middle_of_the_box(points):
+    np.testing.assert_allclose(UnitSize.about_mean(points).apply(points).mean(axis=0), 0.0, atol=1e-12)
+    box = UnitSize.about_box(points).apply(points)
     np.testing.assert_allclose(box.min(axis=0), -box.max(axis=0), atol=1e-12)

@@ -21,11 +21,6 @@ from o3dmark.view import (
 )
 
 
-@pytest.fixture(scope="module")
-def sphere() -> TriangleMesh:
-    return o3d.geometry.TriangleMesh.create_sphere(1.0, 16)
-
-
 def panels_of(monkeypatch: pytest.MonkeyPatch) -> list[Panel]:
     """The list that the panels of the next sheet will be put in, instead of being drawn."""
     panels: list[Panel] = []
@@ -83,27 +78,27 @@ def test_the_exaggeration_is_the_one_asked_for_or_sensible(spot, monkeypatch, le
     np.testing.assert_allclose(mesh_arrays(panels[2].mesh)[0], expected, atol=1e-12)
 
 
-def test_an_unmarked_mesh_and_constant_saliency_make_a_sheet(sphere):
-    picture = comparison_sheet(sphere, sphere, sphere, saliency=np.zeros(len(sphere.vertices)), width=360)
+def test_an_unmarked_mesh_and_constant_saliency_make_a_sheet(ball):
+    picture = comparison_sheet(ball, ball, ball, saliency=np.zeros(len(ball.vertices)), width=360)
     assert covered(picture).any()
 
 
-def test_a_displacement_needs_as_many_vertices(spot, sphere):
+def test_a_displacement_needs_as_many_vertices(spot, ball):
     with pytest.raises(MeshError, match="distance_sheet"):
-        comparison_sheet(spot, sphere, sphere)
+        comparison_sheet(spot, ball, ball)
 
 
-def test_the_distance_sheet_measures_by_the_marked_meshs_diagonal(spot, sphere, monkeypatch):
+def test_the_distance_sheet_measures_by_the_marked_meshs_diagonal(spot, ball, monkeypatch):
     panels = panels_of(monkeypatch)
-    distance_sheet(sphere, spot, np.full(len(spot.vertices), 0.5))
-    expected = 500 / geometry.diagonal(mesh_arrays(sphere)[0])
+    distance_sheet(ball, spot, np.full(len(spot.vertices), 0.5))
+    expected = 500 / geometry.diagonal(mesh_arrays(ball)[0])
     np.testing.assert_allclose(panels[2].scalars, expected)
     with pytest.raises(MeshError, match="one number to each"):
-        distance_sheet(sphere, spot, np.zeros(3))
+        distance_sheet(ball, spot, np.zeros(3))
 
 
-def test_a_colour_bar_shows_the_colormap(sphere):
-    picture = render_scalars(sphere, np.arange(len(sphere.vertices)), "rank, a $ number_of", title="Rank", width=300)
+def test_a_colour_bar_shows_the_colormap(ball):
+    picture = render_scalars(ball, np.arange(len(ball.vertices)), "rank, a $ number_of", title="Rank", width=300)
     bar = picture[int(0.84 * len(picture)) : int(0.87 * len(picture)), 60:-60].astype(int)
     coloured_rows = bar[np.ptp(bar, axis=2).min(axis=1) > 20]
     assert len(coloured_rows)
@@ -112,5 +107,5 @@ def test_a_colour_bar_shows_the_colormap(sphere):
 
 
 @pytest.mark.parametrize("width", [101, 333, 480])
-def test_a_sheet_is_as_wide_as_asked(sphere, width):
-    assert sheet([Panel("a", sphere), Panel("b", sphere)], columns=2, width=width).shape[1] == width
+def test_a_sheet_is_as_wide_as_asked(ball, width):
+    assert sheet([Panel("a", ball), Panel("b", ball)], columns=2, width=width).shape[1] == width

@@ -20,11 +20,6 @@ from o3dmark.view import (
 )
 
 
-@pytest.fixture(scope="module")
-def sphere() -> TriangleMesh:
-    return o3d.geometry.TriangleMesh.create_sphere(1.0, 16)
-
-
 def test_a_png_is_complete_or_not_there(tmp_path: Path, monkeypatch):
     image = np.random.default_rng(3).integers(0, 256, (5, 7, 3), np.uint8)
     path = tmp_path / "picture.png"
@@ -74,12 +69,12 @@ def test_without_a_display_no_window_opens(spot, monkeypatch, display):
         show([spot])
 
 
-def test_the_window_shows_copies_side_by_side(spot, sphere, monkeypatch):
+def test_the_window_shows_copies_side_by_side(spot, ball, monkeypatch):
     shown: list[Any] = []
     monkeypatch.setattr(o3dmark.view.window, "has_display", lambda: True)
     monkeypatch.setattr(o3d.visualization, "draw_geometries", lambda things, *_, **__: shown.extend(things))
-    cloud = PointCloud(sphere.vertices)
-    show([spot, sphere, cloud], [None, np.asarray(sphere.vertices)[:, 0], np.asarray(sphere.vertices)[:, 0]])
+    cloud = PointCloud(ball.vertices)
+    show([spot, ball, cloud], [None, np.asarray(ball.vertices)[:, 0], np.asarray(ball.vertices)[:, 0]])
     assert [type(thing) for thing in shown] == [TriangleMesh, TriangleMesh, PointCloud]
     for left, right in itertools.pairwise(shown):
         assert left.get_max_bound()[0] < right.get_min_bound()[0]

@@ -36,7 +36,6 @@ subject = "Bimba"               # the mesh to show after attacks; by default the
 Paths are relative to the TOML file; those of [real] and ``files`` to the folder of real meshes where one is given.
 """
 
-import csv
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from difflib import get_close_matches
@@ -46,6 +45,7 @@ from typing import Any
 from o3dmark.attacks import ATTACKS
 from o3dmark.campaign.plan import OWN_GROUPS, Campaign, Case, Gallery
 from o3dmark.campaign.plugins import Plugin, load_plugins
+from o3dmark.campaign.published import figures
 from o3dmark.campaign.spec_meshes import chosen, wanted_meshes
 from o3dmark.campaign.spec_values import Table, checked_spec, one_of
 from o3dmark.coding.payload import CODES
@@ -59,7 +59,6 @@ _KEYS = (
     *("saliency_rank", "plugins", "published", "files", "meshes", "real", "methods", "attacks", "published_names"),
     *("imperceptibility", "gallery"),
 )
-_PUBLISHED = ["table", "method", "metric", "condition", "model", "value"]
 
 
 def find_spec(name: str) -> Path:
@@ -176,21 +175,7 @@ def _gallery(table: Table, meshes: Collection[str], cases: Iterable[Case]) -> Ga
 
 
 def _methods_of(published: str) -> Collection[str]:
-    return dict.fromkeys(line["method"] for line in figures(published))
-
-
-def figures(text: str) -> list[dict[str, str]]:
-    """The lines of a CSV file of published figures. Errors: SpecError for other columns, or a value that is none."""
-    lines = csv.DictReader(text.splitlines())
-    if text and lines.fieldnames != _PUBLISHED:
-        raise SpecError(f"published: the first line should be {','.join(_PUBLISHED)}")
-    found = list(lines)
-    for number, line in enumerate(found, start=2):
-        try:
-            float(line["value"])
-        except (ValueError, TypeError):
-            raise SpecError(f"published, line {number}: {line['value']!r} is no number") from None
-    return found
+    return dict.fromkeys(figure.method for figure in figures(published))
 
 
 def _published(content: Table, folder: Path) -> str:

@@ -5,7 +5,13 @@ from typing import Annotated
 
 import typer
 
-In = Annotated[Path, typer.Argument(metavar="IN", help="A mesh: PLY, OBJ, OFF, STL, GLB or glTF.")]
+In = Annotated[
+    Path,
+    typer.Argument(
+        metavar="IN", help="A mesh: PLY, OBJ, OFF, STL, GLB, glTF, 3MF, USD; to read a mark, also a point cloud."
+    ),
+]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; its ending says the format.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Makes the randomness repeatable.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout instead of a table.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="OUT may be replaced; what was given never is.")]

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import In, Json, Out, Seed
+from o3dmark.cli._arguments import In, Json, Out, Overwrite, Seed
 from o3dmark.cli._talk import print_result, since
 from o3dmark.errors import SpecError
 
@@ -18,13 +18,15 @@ def attack(
     output: Out,
     specs: Annotated[list[str], typer.Argument(metavar="SPEC...", help="Attacks, applied left to right; see list.")],
     seed: Seed = 0,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Do to a mesh what the world does: noise, smoothing, simplification, cropping, ..."""
     from o3dmark.attacks import ATTACKS, attack_all
-    from o3dmark.files import read_mesh, write_mesh
+    from o3dmark.files import check_free, read_mesh, write_mesh
     from o3dmark.registry import spec_of
 
+    check_free(output, source, overwrite=overwrite)
     attacks = [ATTACKS.make(spec) for spec in specs]
     mesh = attack_all(read_mesh(source), attacks, seed)
     write_mesh(output, mesh)
@@ -54,12 +56,15 @@ def saliency(
     ] = None,
     scales: Annotated[str, typer.Option(help="sigma in epsilons; '2' is the paper's.")] = "2,3,4,5,6",
     epsilon: Annotated[float, typer.Option(help="Unit of the scales, over the bounding-box diagonal.")] = 0.003,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Mesh saliency of a mesh or a point cloud."""
-    from o3dmark.files import read_shape
+    from o3dmark.files import check_free, read_shape
     from o3dmark.mesh.saliency import Saliency
 
+    if out is not None:
+        check_free(out, source, overwrite=overwrite)
     try:
         measure = Saliency(scales=tuple(float(scale) for scale in scales.split(",")), epsilon=epsilon)
     except ValueError as error:
@@ -77,12 +82,15 @@ def view(
     meshes: Annotated[list[Path], typer.Argument(metavar="MESH...", help="One or more meshes.")],
     scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Look at meshes side by side, in a window or, without a display, as a picture."""
-    from o3dmark.files import read_mesh
+    from o3dmark.files import check_free, read_mesh
     from o3dmark.view import Panel, save_png, sheet, show
 
+    if png is not None:
+        check_free(png, *meshes, overwrite=overwrite)
     shapes = [read_mesh(path) for path in meshes]
     values = _scalars(scalars, shapes)
     if png is None:
@@ -100,12 +108,14 @@ def synth(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A shape and its options, like bimba:vertices=4000.")],
     output: Out,
     seed: Seed = 0,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Make one of the procedural test shapes."""
-    from o3dmark.files import write_mesh
+    from o3dmark.files import check_free, write_mesh
     from o3dmark.synthetic import make
 
+    check_free(output, overwrite=overwrite)
     mesh = make(name, seed)
     write_mesh(output, mesh)
     print_result({"output": str(output), "vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}, json)

@@ -3,15 +3,18 @@
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from o3dmark.cli._arguments import In, Json, Out
+from o3dmark.cli._arguments import In, Json, Out, Overwrite
 from o3dmark.cli._talk import print_result, say, since
-from o3dmark.errors import SpecError
+from o3dmark.errors import MeshError, SpecError
 
 if TYPE_CHECKING:
+    from o3dmark.coding.keys import Key
+    from o3dmark.files import Asset, Destination
+    from o3dmark.marking import Marked
     from o3dmark.watermark import Watermark
 
 KeyFile = Annotated[Path, typer.Option("--key", metavar="FILE", help="The owner's key file; see keygen.")]
@@ -40,36 +43,41 @@ def embed(
     method: Method = None,
     profile: Profile = None,
     n_bits: NBits = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Hide a message in a mesh. What was written is read back, and discarded with exit code 1 if that fails."""
-    from o3dmark import watermark
+    """Hide a message: OUT is the file IN with its positions moved. What cannot be read back is not written; exit 1."""
+    from o3dmark import marking, watermark
     from o3dmark.coding.keys import Key
-    from o3dmark.files import read_mesh, replacing, write_mesh
+    from o3dmark.files import ASSETS, destination, open_asset
 
     if (message is None) == (bits is None):
         raise typer.BadParameter("give either --message or --bits")
-    if output.exists() and source.exists() and output.samefile(source):
-        raise typer.BadParameter("OUT is IN: the unmarked mesh would be lost")
+    if output.suffix.lower() not in ASSETS:
+        raise typer.BadParameter(f"the ending of {output.name} is none of {', '.join(ASSETS)}")
+    asset = open_asset(source)
+    target = destination(asset, output, overwrite=overwrite)
     secret = Key.load(key)
-    raw = None if bits is None else watermark.parse_bits(bits)
-    mark = _watermark(method, profile, n_bits if raw is None else len(raw))
+    hidden = str(message) if bits is None else watermark.parse_bits(bits)
+    mark = _watermark(method, profile, n_bits if bits is None else len(hidden))
     started = time.perf_counter()
-    cover = read_mesh(source)
-    marked = mark.embed(cover, str(message), secret) if raw is None else mark.embed_bits(cover, raw, secret)
-    with replacing(output) as draft:
-        write_mesh(draft, marked)
-        written, reference = read_mesh(draft), cover if mark.method.informed else None
-        if raw is None:
-            verified = mark.extract(written, secret, reference=reference).message == message
-        else:
-            verified = bool((mark.extract_bits(written, secret, reference=reference).bits == raw).all())
-        report = {"output": str(output) if verified else None, **mark.to_dict(), "message": message, "bits": bits}
-        report |= _cost(cover, marked) | {"verified": verified, "seconds": since(started)}
-        print_result(report, json)
-        if not verified:
-            say("nothing was kept: the mark cannot be read back from the file. Fewer bits, or another method, may do.")
-            raise typer.Exit(1)
+    try:
+        marked = marking.embed(asset, mark, hidden, secret, name=output.name, names=target.names)
+    except MeshError as error:
+        error.args = (_with_advice(str(error), asset, mark, message, secret),)
+        raise
+    if marked.verified:
+        target.write(marked.files)
+    report = {"output": str(output) if marked.verified else None, "profile": _profile(method, profile)}
+    report |= mark.to_dict() | {"message": message, "bits": bits, "verified": marked.verified}
+    report |= _cost(marked) | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
+    report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}
+    report |= {"files": sorted({*marked.files, *target.copies}) if marked.verified else []}
+    print_result(report | {"seconds": since(started)}, json)
+    _say_what_happened(marked, target)
+    if not marked.verified:
+        say(_with_advice("nothing was written: the mark cannot be read back", asset, mark, message, secret))
+        raise typer.Exit(1)
 
 
 def extract(
@@ -83,21 +91,21 @@ def extract(
     reference: Reference = None,
     json: Json = False,
 ) -> None:
-    """Read the message. Exit code 1 when there is none."""
-    from o3dmark import watermark
+    """Read the message of a mesh, a scene or a point cloud. Exit code 1 when there is none."""
+    from o3dmark import marking, watermark
     from o3dmark.coding.keys import Key
-    from o3dmark.files import read_mesh
+    from o3dmark.files import open_shape, read_mesh, read_shape
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
-    about = {"method": mark.to_dict()["method"], "n_bits": mark.n_bits}
+    about = {"method": mark.to_dict()["method"], "profile": _profile(method, profile), "n_bits": mark.n_bits}
     if raw:
-        bits = watermark.raw_dict(mark.extract_bits(read_mesh(source), secret, reference=cover))
+        bits = watermark.raw_dict(mark.extract_bits(read_shape(source), secret, reference=cover))
         print_result(about | bits | {"seconds": since(started)}, json)
         return
-    reading = mark.extract(read_mesh(source), secret, reference=cover, false_positive_rate=fpr)
-    print_result(reading.to_dict() | about | {"seconds": since(started)}, json)
-    if not reading.found:
+    found = marking.extract(open_shape(source), mark, secret, reference=cover, false_positive_rate=fpr)
+    print_result(found.reading.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
+    if not found.reading.found:
         raise typer.Exit(1)
 
 
@@ -113,14 +121,16 @@ def detect(
     json: Json = False,
 ) -> None:
     """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper."""
+    from o3dmark import marking
     from o3dmark.coding.keys import Key
-    from o3dmark.files import read_mesh
+    from o3dmark.files import open_shape, read_mesh
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
-    found = mark.detect(read_mesh(source), secret, message, reference=cover, false_positive_rate=fpr)
-    print_result(found.to_dict() | {"method": mark.to_dict()["method"], "seconds": since(started)}, json)
-    if not found.present:
+    found = marking.detect(open_shape(source), mark, secret, message, reference=cover, false_positive_rate=fpr)
+    about = {"method": mark.to_dict()["method"], "profile": _profile(method, profile), "part": found.part}
+    print_result(found.detection.to_dict() | about | {"seconds": since(started)}, json)
+    if not found.detection.present:
         raise typer.Exit(1)
 
 
@@ -138,11 +148,39 @@ def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "
     return mark if n_bits is None else replace(mark, n_bits=n_bits)
 
 
-def _cost(cover: Any, marked: Any) -> dict[str, float | None]:
-    """What the mark cost: lengths over the diagonal of the cover's bounding box."""
+def _profile(method: str | None, profile: str | None) -> str | None:
+    """The name of the profile in use; None where --method replaces its method."""
+    from o3dmark.profiles import DEFAULT_PROFILE
+
+    return (profile or DEFAULT_PROFILE) if method is None else None
+
+
+def _with_advice(text: str, asset: "Asset", mark: "Watermark", message: str | None, key: "Key") -> str:
+    """A refusal and what does work, which is tried; for raw bits, which have no code to be shorter with, nothing is."""
+    from o3dmark.marking import advice
+
+    return ". ".join(filter(None, [text, "" if message is None else advice(asset, mark, message, key)]))
+
+
+def _cost(marked: "Marked") -> dict[str, float | None]:
+    """What the mark cost, of all marked parts the most: lengths over the diagonal of the part's bounding box."""
     from o3dmark.metrics.displacement import MaxDisplacement
     from o3dmark.metrics.distance import surface_distance
 
-    distance = surface_distance(cover, marked)
-    largest = MaxDisplacement()(cover, marked)
-    return {"mrms": distance.mrms, "hausdorff": distance.hausdorff, "max_displacement": largest}
+    if not marked.moved:
+        return {"mrms": None, "hausdorff": None, "max_displacement": None}
+    distances = [surface_distance(*pair) for pair in marked.pairs()]
+    return {
+        "mrms": max(distance.mrms for distance in distances),
+        "hausdorff": max(distance.hausdorff for distance in distances),
+        "max_displacement": max(MaxDisplacement()(*pair) for pair in marked.pairs()),
+    }
+
+
+def _say_what_happened(marked: "Marked", target: "Destination") -> None:
+    for part in marked.left:
+        say(f"left as it is: {part.part}: {part.why}")
+    if marked.dropped:
+        say(f"{target.path.suffix} does not hold, and so was dropped: {', '.join(marked.dropped)}")
+    if target.missing:
+        say(f"{marked.asset.name} refers to what is not there: {', '.join(target.missing)}")

@@ -1,42 +1,35 @@
-"""What the parsers of mesh files share: rows of numbers, polygons as fans, counts that a header announces."""
+"""What the parsers of mesh files share: polygons as fans, vertex colours, counts that a header announces."""
 
-import itertools
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 
-from o3dmark.arrays import Floats
+from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
-
-Triangle = tuple[int, int, int]
+from o3dmark.mesh.surface import TriangleMesh
 
 
-def numbers(path: Path, rows: list[list[bytes]], width: int) -> Floats:
-    """The first ``width`` numbers of each row (n, width). Errors: MeshError for rows with fewer, or other words."""
-    try:
-        if any(len(row) < width for row in rows):
-            raise ValueError
-        return np.array([row[:width] for row in rows], np.float64).reshape(-1, width)
-    except ValueError:
-        raise MeshError(f"{path.name}: a vertex is not {width} numbers") from None
+def ranges(starts: Ints, counts: Ints) -> Ints:
+    """The numbers start, start + 1, ..., start + count - 1 for each of starts and counts (k,), one after another."""
+    return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
-def fan(corners: Sequence[int]) -> list[Triangle]:
-    """A polygon as triangles about its first corner; none for fewer than three corners."""
-    return [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
+def fans(counts: Ints) -> Ints:
+    """Polygons as triangles about their first corners (m, 3); none for fewer than three corners.
 
-
-def mesh_of(path: Path, rows: Floats, triangles: list[Triangle]) -> TriangleMesh:
-    """The mesh whose vertices are the first three of each row of numbers (n, 3 or more).
-
-    Errors: MeshError for a corner that is no vertex.
+    counts (f,): how many corners each polygon has. The triangles name corners by their place among those of all
+    polygons, one after another.
     """
-    if not all(0 <= corner < len(rows) for corner in itertools.chain.from_iterable(triangles)):
-        raise MeshError(f"{path.name}: a face names a vertex that is not among its {len(rows)} vertices")
-    return triangle_mesh(rows[:, :3], np.array(triangles, np.int64).reshape(-1, 3))
+    first, triangles = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
+    second = ranges(first + 1, triangles)
+    return np.column_stack([np.repeat(first, triangles), second, second + 1])
+
+
+def check_corners(path: Path, corners: Ints, n_vertices: int) -> None:
+    """Errors: MeshError for a corner (c,) that is no vertex."""
+    if len(corners) and not (corners.min() >= 0 and corners.max() < n_vertices):
+        raise MeshError(f"{path.name}: a face names a vertex that is not among its {n_vertices} vertices")
 
 
 def set_colours(mesh: TriangleMesh, colours: Floats) -> None:
@@ -45,10 +38,14 @@ def set_colours(mesh: TriangleMesh, colours: Floats) -> None:
         mesh.vertex_colors = o3d.utility.Vector3dVector(np.ascontiguousarray(colours))
 
 
-def check_size(path: Path, least: int) -> None:
-    """Refuse a file too small for the counts in its header, before memory is taken for them."""
-    if path.stat().st_size < least:
-        raise MeshError(f"{path.name} is truncated: {path.stat().st_size} bytes, its header announces {least} or more")
+def check_size(path: Path, least: int, size: int | None = None) -> None:
+    """Refuse a file too small for the counts in its header, before memory is taken for them.
+
+    ``size``: in bytes, by default of the file at ``path``.
+    """
+    size = path.stat().st_size if size is None else size
+    if size < least:
+        raise MeshError(f"{path.name} is truncated: {size} bytes, its header announces {least} or more")
 
 
 def fewer(path: Path, announced: tuple[int, int], found: tuple[int, int]) -> MeshError:

@@ -19,7 +19,7 @@ import numpy as np
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.references import Source
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, float_steps, triangle_mesh
 
 Moved: TypeAlias = Mapping[int, Floats]
 """For the number of a part its new vertices (n, 3), in the order of `Part.vertices`."""
@@ -28,7 +28,7 @@ STAYS = np.eye(4)[None]
 STAYS.setflags(write=False)
 
 # What a file may hold beside positions and triangles, in the words that users read when a conversion drops it. A format
-# names what is its own (a property, an extension) in the same manner: "property quality", "extension KHR_materials_ior".
+# names what is its own in the same manner: "property quality", "extension KHR_materials_ior".
 KINDS = (
     "polygons",  # faces of more than three corners
     "lines",
@@ -84,10 +84,13 @@ class Asset(ABC):
     positions, and are therefore written anew.
     """
 
-    source: Source
     parts: tuple[Part, ...]
     references: tuple[str, ...] = ()
     changing: tuple[str, ...] = ()
+
+    def __init__(self, source: Source) -> None:
+        """Errors: MeshError when the file is missing or damaged."""
+        self.source = source
 
     @property
     def path(self) -> Path:
@@ -140,8 +143,4 @@ class Asset(ABC):
                 raise MeshError(f"{part.name} has positions {part.vertices.shape}, not {vertices.shape}")
 
 
-def float_steps(values: Floats, dtype: np.dtype[np.floating] | type = np.float32) -> Floats:
-    """How far apart numbers of a floating type are at the magnitudes of values (n, 3), read-only."""
-    steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
-    steps.setflags(write=False)
-    return steps
+__all__ = ["KINDS", "STAYS", "Asset", "Moved", "Part", "float_steps"]

@@ -1,47 +1,85 @@
-"""OBJ, parsed here: Open3D silently drops polygons and negative indices, reads float32 and writes six digits.
+"""OBJ: of somebody's file only the vertices that move change, and the normals that turn; all else stays as it is.
 
-Open3D's reading is taken where a file has texture coordinates and nothing of it is lost.
+Parsed here: Open3D silently drops polygons and negative indices, reads float32 and writes six digits. Its reading is
+taken for its textures, at the file's own positions, where nothing of the file is lost.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.errors import MeshError
-from o3dmark.files import _open3d
-from o3dmark.files._parsing import Triangle, fan, mesh_of, numbers, set_colours
+from o3dmark.files import _mtl, _open3d
+from o3dmark.files._obj_text import ObjText
+from o3dmark.files._parsing import fans, set_colours
+from o3dmark.files._text import moved_rows, spliced, turned_rows
+from o3dmark.files.asset import Asset, Moved, Part
+from o3dmark.files.references import Source, inside
+from o3dmark.mesh.normals import turned
 from o3dmark.mesh.surface import TriangleMesh
 
-_FLOAT32 = 1e-6  # relative: two of its steps, and more is another vertex
 
-
-def read(path: Path) -> TriangleMesh:
-    """Vertices, vertex colours and faces of an OBJ file, polygons as fans; Open3D's reading if that has textures.
+class Obj(Asset):
+    """An OBJ file: one part, whatever objects, groups and materials it is cut into.
 
     Errors: MeshError for a file without vertices, or a damaged one.
     """
-    positions: list[list[bytes]] = []
-    triangles: list[Triangle] = []
-    textured = False
-    for number, line in enumerate(path.read_bytes().replace(b"\\\n", b" ").splitlines(), start=1):
-        match line.split():
-            case [b"v", *words]:
-                positions.append(words[:6])
-            case [b"f", *words]:
-                triangles += fan(_corners(path, number, words, len(positions)))
-            case [b"vt", *_]:
-                textured = True
-    if not positions:
-        raise MeshError(f"{path.name} holds no mesh")
-    coloured = any(len(row) == 6 for row in positions)
-    columns = numbers(path, positions, 6 if coloured else 3)
-    mesh = mesh_of(path, columns, triangles)
-    if textured and (dressed := _textured(path, mesh)) is not None:
-        return dressed
-    if coloured:
-        set_colours(mesh, columns[:, 3:])
-    return mesh
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self._content = source.read()
+        text = ObjText(source.path, self._content)
+        self._places, positions = text.vertices()
+        self._normal_places, self._normals = text.normals()
+        self._colours = text.colours()
+        faces = text.faces()
+        corners = fans(faces.counts)
+        self._used = None if faces.normals is None else faces.normals[corners]
+        self.parts = (Part(self.name, positions, faces.vertices[corners]),)
+        libraries = _mtl.libraries(source, text.rests(b"mtllib"))
+        textures = _mtl.textures(source, libraries)
+        self.references = tuple(dict.fromkeys(libraries + textures))
+        self._contents = text.kinds() | ({"textures"} if textures else set())
+
+    @property
+    def contents(self) -> frozenset[str]:
+        return self._contents
+
+    def with_positions(self, moved: Moved, names: Mapping[str, str] | None = None) -> dict[str, bytes]:  # noqa: ARG002
+        """As of any asset. Digits: as many as the file's longest fraction has, and enough for 1e-8 of the diagonal."""
+        self.check(moved)
+        content, part = self._content, self.parts[0]
+        if 0 in moved:
+            edits = [moved_rows(content, self._places, part, moved[0])]
+            if self._used is not None:
+                turns = turned(part.vertices, moved[0], part.triangles, self._normals, self._used)
+                edits.append(turned_rows(content, self._normal_places, self._normals, turns(self._normals)))
+            content = spliced(content, *edits)
+        return {self.name: content}
+
+    def mesh(self) -> TriangleMesh:
+        """As of any asset; or Open3D's reading, which repeats vertices, if it has textures and loses nothing."""
+        exact = super().mesh()
+        if "texture coordinates" in self.contents and self._is_all_inside():
+            dressed = _open3d.dressed(self.path, exact)
+            if dressed is not None:
+                return dressed
+        if self._colours is not None:
+            set_colours(exact, self._colours)
+        return exact
+
+    def _is_all_inside(self) -> bool:
+        """Whether Open3D would read what this was read from, and nothing outside of its folder."""
+        try:
+            return not self.source.files and all(inside(self.path, name) for name in self.references)
+        except MeshError:
+            return False
+
+
+def read(path: Path) -> TriangleMesh:
+    """The mesh in an OBJ file. Errors: as of `Obj`."""
+    return Obj(Source(path)).mesh()
 
 
 def write(path: Path, mesh: TriangleMesh) -> None:
@@ -52,42 +90,3 @@ def write(path: Path, mesh: TriangleMesh) -> None:
     for row, position in zip(rows, np.asarray(mesh.vertices).tolist(), strict=True):
         lines[row] = " ".join(["v", *map(repr, position), *lines[row].split()[4:]])
     path.write_text("\n".join([*lines, ""]))
-
-
-def _corners(path: Path, number: int, words: list[bytes], n_vertices: int) -> list[int]:
-    """The vertices of a face on line ``number``, from 0; negative ones count back from the ``n_vertices`` before it."""
-    try:
-        corners = [int(word.split(b"/", 1)[0]) for word in words]
-        if 0 in corners:  # OBJ counts from 1
-            raise ValueError
-    except ValueError:
-        raise MeshError(f"{path.name}, line {number}: a face has a corner that is no vertex number") from None
-    return [corner - 1 if corner > 0 else n_vertices + corner for corner in corners]
-
-
-def _textured(path: Path, exact: TriangleMesh) -> TriangleMesh | None:
-    """Open3D's reading of an OBJ file, with its textures, at the exact positions; None if it has lost or merged a part.
-
-    Open3D reads float32, and repeats a vertex for each texture coordinate that it has.
-    """
-    mesh = _open3d.read(path)
-    corners, wanted = np.asarray(mesh.triangles), np.asarray(exact.vertices)[np.asarray(exact.triangles)]
-    if len(corners) != len(wanted):
-        return None
-    positions = np.array(mesh.vertices)
-    if np.allclose(positions[corners], wanted, rtol=0.0, atol=_FLOAT32 * np.abs(wanted).max()):  # else in another order
-        positions[corners] = wanted
-        if not np.array_equal(positions[corners], wanted):
-            return None
-        mesh.vertices = o3d.utility.Vector3dVector(positions)
-    return _without_empty_textures(mesh)
-
-
-def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
-    """Open3D gives every material of an OBJ file a texture, if only an empty one, and next to such it writes none."""
-    full = [number for number, texture in enumerate(mesh.textures) if not texture.is_empty()]
-    used = np.asarray(mesh.triangle_material_ids)
-    if full and np.isin(used, full).all():
-        mesh.textures = [mesh.textures[number] for number in full]
-        mesh.triangle_material_ids = o3d.utility.IntVector(np.searchsorted(full, used).astype(np.int32))
-    return mesh

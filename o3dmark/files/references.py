@@ -6,6 +6,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from o3dmark.errors import MeshError
 
+_LONGEST = 4096, 255  # of a path, and of each name in it, in bytes: more is no file, and takes long to resolve
+
 
 @dataclass(frozen=True)
 class Source:
@@ -18,13 +20,15 @@ class Source:
     def name(self) -> str:
         return self.path.name
 
+    def check_there(self) -> None:
+        """Errors: MeshError when the file is not there."""
+        if self.name not in self.files and not self.path.is_file():
+            raise MeshError(f"no file at {str(self.path)!r}")
+
     def read(self) -> bytes:
         """The file itself. Errors: MeshError when it is not there, or empty."""
-        content = self.files.get(self.name)
-        if content is None:
-            if not self.path.is_file():
-                raise MeshError(f"no file at {str(self.path)!r}")
-            content = self.path.read_bytes()
+        self.check_there()
+        content = self.files[self.name] if self.name in self.files else self.path.read_bytes()
         if not content:
             raise MeshError(f"{self.name} is empty")
         return content
@@ -42,10 +46,14 @@ class Source:
 def inside(path: Path, name: str) -> Path:
     """The file that ``path`` refers to by a relative name, whether it is there or not.
 
-    Errors: MeshError for a name that leaves the folder of ``path``: by its root, a drive, "..", a scheme, or a link.
+    Errors: MeshError for a name that leaves the folder of ``path`` (by its root, a drive, "..", a scheme, or a link),
+    and for one that no file can have.
     """
     plain = name.replace("\\", "/")
     parts = PurePosixPath(plain).parts
+    lengths = [len(part.encode(errors="replace")) for part in parts]
+    if sum(lengths) + len(lengths) > _LONGEST[0] or max(lengths, default=0) > _LONGEST[1] or "\0" in plain:
+        raise MeshError(f"{path.name} refers to {name[:40]!r}..., which no file can be called")
     leaves = not parts or ".." in parts or plain.startswith("/") or bool(PureWindowsPath(name).drive) or "://" in plain
     try:
         target = path.parent / plain

@@ -29,7 +29,7 @@ from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import curvature, geometry
 from o3dmark.mesh.similarity import UnitSize
-from o3dmark.mesh.surface import Surface
+from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud
 from o3dmark.registry import option
 
 LEE_SCALES = (2.0, 3.0, 4.0, 5.0, 6.0)  # the paper's
@@ -50,8 +50,8 @@ class Saliency:
 
         Errors: MeshError for an unusable mesh, an empty cloud, or one too small.
         """
-        if isinstance(shape, o3d.geometry.PointCloud):
-            return self._of_cloud(shape)
+        if is_cloud(shape):
+            return self._of_cloud(legacy_cloud(shape))
         surface = Surface.of(shape)
         values = np.append(self.of_surface(surface), 0.0)  # vertex_map is -1 for unused vertices
         return values[surface.vertex_map]

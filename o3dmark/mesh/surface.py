@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
+from o3dmark.mesh.normals import turned
+
+_COARSEST = 1 / 256  # of the diagonal: coordinates of 8 bits still hold every bit (results/), of 7 bits not always
 
 TriangleMesh: TypeAlias = o3d.geometry.TriangleMesh
 PointCloud: TypeAlias = o3d.geometry.PointCloud
@@ -41,7 +44,7 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any) -> "Surface":
-        """The surface of an Open3D triangle mesh (legacy, or a float64 tensor mesh).
+        """The surface of an Open3D triangle mesh, legacy or tensor, of any device and precision.
 
         Errors: MeshError with no triangle, an index out of range, a coordinate that is not finite, or no area.
         """
@@ -110,16 +113,41 @@ class Surface:
 def mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
     """Vertices (n, 3) float64 and triangles (m, 3) int64 of an Open3D triangle mesh, as they are, copied."""
     if isinstance(mesh, o3d.t.geometry.TriangleMesh):
-        positions = mesh.vertex.positions.numpy()
-        if positions.dtype != np.float64:
-            raise MeshError(
-                "a tensor mesh with float32 positions is too coarse to carry a mark;"
-                " give its positions as float64, or a legacy TriangleMesh"
-            )
-        return positions.copy(), mesh.triangle.indices.numpy().astype(np.int64)
+        if "positions" not in mesh.vertex or "indices" not in mesh.triangle:
+            raise MeshError("the tensor mesh has no vertices, or no triangles")
+        return _numbers(mesh.vertex.positions), mesh.triangle.indices.cpu().numpy().astype(np.int64)
     if not isinstance(mesh, o3d.geometry.TriangleMesh):
         raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
     return np.array(mesh.vertices, np.float64), np.array(mesh.triangles, np.int64)
+
+
+def legacy_mesh(mesh: Any) -> TriangleMesh:
+    """A mesh as Open3D's legacy kind, in double precision; a legacy one as it is. Errors: MeshError by its type."""
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        mesh_arrays(mesh)
+        return mesh.to_legacy()
+    if not isinstance(mesh, o3d.geometry.TriangleMesh):
+        raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+    return mesh
+
+
+def is_cloud(shape: Any) -> bool:
+    """Whether a shape is a point cloud, of Open3D's legacy or its tensor kind."""
+    return isinstance(shape, o3d.geometry.PointCloud | o3d.t.geometry.PointCloud)
+
+
+def legacy_cloud(cloud: Any) -> PointCloud:
+    """The points, and normals if any, of a legacy or tensor cloud, in double precision; a legacy one as it is.
+
+    Errors: MeshError for a tensor cloud without points.
+    """
+    if isinstance(cloud, o3d.geometry.PointCloud):
+        return cloud
+    if "positions" not in cloud.point:
+        raise MeshError("the tensor cloud has no points")
+    return point_cloud(
+        _numbers(cloud.point.positions), _numbers(cloud.point.normals) if "normals" in cloud.point else None
+    )
 
 
 def triangle_mesh(vertices: Floats, triangles: Ints) -> TriangleMesh:
@@ -139,24 +167,66 @@ def point_cloud(points: Floats, normals: Floats | None = None) -> PointCloud:
 
 
 def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
-    """A copy of ``mesh`` whose surface has its vertices at ``vertices`` (n, 3).
+    """A copy of ``mesh`` whose surface has its vertices at ``vertices`` (n, 3), in the precision that ``mesh`` has.
 
     ``surface`` is Surface.of(mesh). Vertices that no triangle uses stay where they are; normals, where the mesh had
-    any, are computed anew; all other attributes are kept.
+    any, turn with the surface; all other attributes are kept.
     """
-    positions, _ = mesh_arrays(mesh)
-    used = surface.vertex_map >= 0
-    positions[used] = vertices[surface.vertex_map[used]]
-    marked = mesh.clone() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else TriangleMesh(mesh)
+    before, triangles = mesh_arrays(mesh)
+    after, used = before.copy(), surface.vertex_map >= 0
+    after[used] = vertices[surface.vertex_map[used]]
     if isinstance(mesh, o3d.t.geometry.TriangleMesh):
-        marked.vertex.positions = o3d.core.Tensor(positions)
-        return marked
-    marked.vertices = o3d.utility.Vector3dVector(positions)
+        return _tensor_with(mesh, before, after, triangles)
+    marked = TriangleMesh(mesh)
+    marked.vertices = o3d.utility.Vector3dVector(after)
     if mesh.has_vertex_normals():
-        marked.compute_vertex_normals()
-    elif mesh.has_triangle_normals():
+        normals = np.asarray(mesh.vertex_normals)
+        marked.vertex_normals = o3d.utility.Vector3dVector(turned(before, after, triangles, normals)(normals))
+    if mesh.has_triangle_normals():
         marked.compute_triangle_normals()
     return marked
+
+
+def _tensor_with(mesh: Any, before: Floats, after: Floats, triangles: Ints) -> Any:
+    if mesh.vertex.positions.dtype == o3d.core.Dtype.Float32:
+        check_precision(float_steps(before), geometry.diagonal(before))
+    marked = mesh.clone()
+    marked.vertex.positions = _like(mesh.vertex.positions, after)
+    if "normals" in mesh.vertex:
+        normals = _numbers(mesh.vertex.normals)
+        marked.vertex.normals = _like(mesh.vertex.normals, turned(before, after, triangles, normals)(normals))
+    if "normals" in mesh.triangle:
+        marked.compute_triangle_normals()
+    return marked
+
+
+def float_steps(values: Floats, dtype: type[np.floating[Any]] = np.float32) -> Floats:
+    """How far apart numbers of a floating type are at the magnitudes of values (n, 3), read-only."""
+    steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
+    steps.setflags(write=False)
+    return steps
+
+
+def check_precision(steps: Floats, diagonal: float) -> None:
+    """Whether numbers that lie ``steps`` apart hold a mark in a mesh of that diagonal; as fine as 8 bits they do.
+
+    Errors: MeshError, which says how coarse they are and what would do.
+    """
+    coarsest = float(np.max(steps, initial=0.0))
+    if coarsest > _COARSEST * diagonal:
+        raise MeshError(
+            f"its numbers lie {coarsest:.3g} apart, the mesh measures {diagonal:.3g}: too coarse to carry a mark."
+            " Move the mesh to the origin before it is stored, or store it in a type that holds more digits"
+        )
+
+
+def _numbers(tensor: Any) -> Floats:
+    return np.array(tensor.cpu().numpy(), np.float64)
+
+
+def _like(tensor: Any, values: Floats) -> Any:
+    """Values in the type and on the device of a tensor."""
+    return o3d.core.Tensor(np.ascontiguousarray(values)).to(tensor.dtype).to(tensor.device)
 
 
 def _check(vertices: Floats, triangles: Ints) -> None:

@@ -11,28 +11,14 @@ campaign. ``metric``: corr, or mrms_e-3, hd_e-3 (thousandths of the diagonal), m
 one that ours are compared with. Nothing is compared unless table, condition and model are all in the file.
 """
 
-import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
-from o3dmark.errors import SpecError
+from o3dmark.campaign.published import PublishedFigure, figures
 from o3dmark.report.condition import same
 from o3dmark.report.summary import mean
 
 COMPARISON = " comparison"  # the end of the names of tables that hold several methods
-COLUMNS = ("table", "method", "metric", "condition", "model", "value")
-
-
-class PublishedFigure(NamedTuple):
-    """One printed figure."""
-
-    table: str
-    method: str
-    metric: str
-    condition: str
-    model: str
-    value: float
 
 
 @dataclass(frozen=True)
@@ -45,10 +31,7 @@ class Published:
     @classmethod
     def read(cls, text: str, names: Mapping[str, str]) -> "Published":
         """The CSV as text; ``names`` says how to call its methods. Errors: SpecError with the line's number."""
-        lines = csv.reader(text.splitlines())
-        if tuple(next(lines, ())) != COLUMNS:
-            raise SpecError(f"published figures: the first line should be {','.join(COLUMNS)}")
-        return cls(tuple(_figure(line, lines.line_num) for line in lines if line), names)
+        return cls(figures(text), names)
 
     @property
     def method(self) -> str:
@@ -82,11 +65,3 @@ class Published:
     def methods(self, table: str) -> tuple[str, ...]:
         """The methods of a table in its order."""
         return tuple(dict.fromkeys(figure.method for figure in self.figures if figure.table == table))
-
-
-def _figure(line: list[str], number: int) -> PublishedFigure:
-    try:
-        table, method, metric, condition, model, value = line
-        return PublishedFigure(table, method, metric, condition, model, float(value))
-    except ValueError:
-        raise SpecError(f"published figures, line {number}: should be {','.join(COLUMNS)}, not {line}") from None

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
+from o3dmark.mesh.surface import PointCloud, Surface, is_cloud, legacy_cloud, point_cloud
 
 Float32s = NDArray[np.float32]  # a picture needs no more
 Shape: TypeAlias = Surface | PointCloud
@@ -37,7 +36,7 @@ class Model:
     def of(cls, shape: Shape, scalars: Floats | None, centre: Floats, to_camera: Floats) -> "Model":
         """``shape`` with ``centre`` moved to the origin and then multiplied by ``to_camera`` (3, 3), from the right."""
         points = (positions(shape) - centre) @ to_camera
-        if isinstance(shape, o3d.geometry.PointCloud):
+        if is_cloud(shape):
             facing = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
             return _splats(points, np.asarray(shape.normals) @ to_camera if shape.has_normals() else facing, scalars)
         normals = corner_normals(points, shape.triangles)
@@ -53,23 +52,24 @@ def shape_of(mesh: Any) -> Shape:
     """A checked point cloud, or the surface of a mesh, which may be given as such; MeshError with nothing to draw."""
     if isinstance(mesh, Surface):
         return mesh
-    if not isinstance(mesh, o3d.geometry.PointCloud):
+    if not is_cloud(mesh):
         return Surface.of(mesh)
-    if not mesh.has_points():
+    cloud = legacy_cloud(mesh)
+    if not cloud.has_points():
         raise MeshError("the point cloud has no point")
-    if not np.isfinite(np.asarray(mesh.points)).all():
+    if not np.isfinite(np.asarray(cloud.points)).all():
         raise MeshError("the point cloud has coordinates that are not finite")
-    return mesh
+    return cloud
 
 
 def positions(shape: Shape) -> Floats:
     """Points or vertices (n, 3)."""
-    return np.asarray(shape.points) if isinstance(shape, o3d.geometry.PointCloud) else shape.vertices
+    return np.asarray(shape.points) if is_cloud(shape) else shape.vertices
 
 
 def n_vertices(shape: Shape) -> int:
     """Points, or vertices of the mesh that ``shape`` is the surface of: the scalars that it wants."""
-    return len(shape.points) if isinstance(shape, o3d.geometry.PointCloud) else len(shape.vertex_map)
+    return len(shape.points) if is_cloud(shape) else len(shape.vertex_map)
 
 
 def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:

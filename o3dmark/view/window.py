@@ -12,7 +12,7 @@ import open3d as o3d
 from numpy.typing import ArrayLike
 
 from o3dmark.errors import BackendError
-from o3dmark.mesh.surface import PointCloud, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, TriangleMesh, is_cloud, mesh_arrays, triangle_mesh
 from o3dmark.view.colours import coloured
 from o3dmark.view.model import shape_of
 from o3dmark.view.render import MATERIAL
@@ -64,7 +64,7 @@ def has_display() -> bool:
 
 def _to_show(mesh: Any, scalars: ArrayLike | None, colormap: str) -> TriangleMesh | PointCloud:
     """A copy to be lit and moved about, grey without scalars; the mesh's own colours and textures are not shown."""
-    shape_of(mesh)
-    cloud = isinstance(mesh, o3d.geometry.PointCloud)
-    copy = PointCloud(mesh) if cloud else triangle_mesh(*mesh_arrays(mesh)).compute_vertex_normals()
+    shape = shape_of(mesh)
+    cloud = is_cloud(shape)
+    copy = PointCloud(shape) if cloud else triangle_mesh(*mesh_arrays(mesh)).compute_vertex_normals()
     return copy.paint_uniform_color(MATERIAL) if scalars is None else coloured(copy, scalars, colormap)

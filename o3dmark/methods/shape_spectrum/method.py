@@ -32,7 +32,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.saliency import Saliency
-from o3dmark.mesh.surface import PointCloud, Surface, with_vertices
+from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.codewords import plans
@@ -98,9 +98,7 @@ class ShapeSpectrum(Method):
         if vertices is None:
             raise MeshError(
                 f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
-                " can be read back; a slender one may with shorter waves and more rungs (lowest=8,highest=24,rungs=60,"
-                " as profile slender-2026 has them), others with fewer bits, another mrms, or self-intersections"
-                " repaired"
+                " can be read back: it may be too slender for waves of this length, or pass through itself"
             )
         return with_vertices(mesh, surface, vertices)
 
@@ -120,8 +118,7 @@ class ShapeSpectrum(Method):
         """See `Method.observe`: the hypotheses about a mesh or point cloud, for the readings of any number of keys."""
         if isinstance(mesh, Hypotheses):
             return mesh
-        is_cloud = isinstance(mesh, PointCloud)  # type: ignore[misc]
-        surface = surface_of_points(mesh) if is_cloud else Surface.of(mesh)
+        surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
         return self._hypotheses(surface)
 
     def capacity(self, mesh: Any) -> int:

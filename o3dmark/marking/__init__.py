@@ -1,0 +1,14 @@
+"""Marks in files: every mesh of an asset is marked in its own frame, and any of them may speak for the file.
+
+embedding   asset, watermark, message, key -> the bytes of the marked asset, read back before they are returned
+reading     asset or shape, watermark, key -> what was read, and in which part
+views       the meshes that a received file shows, in the order in which they are looked at
+advice      what does work where a mark does not fit: tried, not guessed
+"""
+
+from o3dmark.marking.advice import advice
+from o3dmark.marking.embedding import Left, Marked, embed
+from o3dmark.marking.reading import PartDetection, PartReading, detect, extract
+from o3dmark.marking.views import View, views
+
+__all__ = ["Left", "Marked", "PartDetection", "PartReading", "View", "advice", "detect", "embed", "extract", "views"]

@@ -1,0 +1,177 @@
+"""Marks in files: each part that holds one is marked, what is written is read back, any part may speak."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fixtures.npz_asset import Npz, npz
+from fixtures.shapes import UNIT_SQUARE, icosphere
+from o3dmark import marking
+from o3dmark.coding.keys import Key
+from o3dmark.errors import CapacityError, MeshError
+from o3dmark.files import ASSETS, Asset, Source, open_asset
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.profiles import PROFILES
+from o3dmark.watermark import Watermark
+
+MARK = Watermark(n_bits=43)
+Opened = Callable[..., Asset]
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> Opened:
+    """Meshes as an asset of the tests' own format."""
+    monkeypatch.setitem(ASSETS, ".npz", Npz)
+    return lambda *meshes: open_asset(Source(Path("scene.npz"), {"scene.npz": npz(meshes)}))
+
+
+@pytest.fixture(scope="module")
+def spot_arrays(spot: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
+    return mesh_arrays(spot)
+
+
+def after(asset: Asset, marked: marking.Marked) -> Asset:
+    return open_asset(Source(asset.path, marked.files))
+
+
+def test_what_was_written_is_read(opened: Opened, spot_arrays, key: Key) -> None:
+    asset = opened(spot_arrays)
+    marked = marking.embed(asset, MARK, "me", key)
+    assert marked.verified
+    assert [part.name for part in marked.parts] == ["mesh 0"]
+    found = marking.extract(after(asset, marked), MARK, key)
+    assert (found.part, found.reading.message) == ("mesh 0", "me")
+    assert not marking.extract(asset, MARK, key).reading.found
+    np.testing.assert_array_equal(asset.parts[0].vertices, spot_arrays[0])
+    ((before, new),) = marked.pairs()
+    assert 1e-4 < np.abs(np.asarray(new.vertices) - np.asarray(before.vertices)).max() < 0.01
+
+
+def test_each_part_is_marked_and_what_cannot_be_is_left_and_named(opened: Opened, spot_arrays, key: Key) -> None:
+    vertices, triangles = spot_arrays
+    asset = opened(UNIT_SQUARE, (vertices, triangles), (3.0 * vertices[:, ::-1] + 100.0, triangles[:, ::-1]))
+    marked = marking.embed(asset, MARK, "me", key)
+    assert list(marked.moved) == [1, 2]
+    assert [each.part for each in marked.left] == ["mesh 0"]
+    assert "43 bits asked for" in marked.left[0].why
+    written = after(asset, marked)
+    np.testing.assert_array_equal(written.parts[0].vertices, UNIT_SQUARE[0])
+    for number in (1, 2):
+        assert MARK.extract(triangle_mesh(written.parts[number].vertices, triangles), key).message == "me"
+
+
+def test_when_no_part_holds_the_mark_the_largest_says_why(opened: Opened, key: Key) -> None:
+    with pytest.raises(CapacityError, match="43 bits asked for"):
+        marking.embed(opened(UNIT_SQUARE), MARK, "me", key)
+    with pytest.raises(MeshError, match=r"none of the 2 meshes of scene\.npz.* the largest, mesh 1: .*as symmetric"):
+        marking.embed(opened(UNIT_SQUARE, icosphere(4)), MARK, "me", key)
+    with pytest.raises(MeshError, match="holds no mesh of triangles"):
+        marking.embed(opened(), MARK, "me", key)
+
+
+def test_numbers_too_coarse_are_told_before_anything_is_computed(
+    opened: Opened, spot_arrays, key: Key, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vertices, triangles = spot_arrays
+    monkeypatch.setattr(Watermark, "embed", lambda *_: pytest.fail("it was computed"))
+    with pytest.raises(MeshError, match=r"lie 0\.5 apart, the mesh measures"):
+        marking.embed(opened(((vertices + 5e6).astype(np.float32), triangles)), MARK, "me", key)
+
+
+def test_a_part_that_does_not_tell_the_mark_from_its_numbers_is_left(
+    opened: Opened, spot_arrays, key: Key, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asset = opened(spot_arrays, spot_arrays)
+    with_positions = Npz.with_positions
+
+    def rounded(self: Npz, moved, names=None):  # the second part's numbers are too coarse after all
+        return with_positions(self, {number: np.round(v, 1 if number else 9) for number, v in moved.items()}, names)
+
+    monkeypatch.setattr(Npz, "with_positions", rounded)
+    marked = marking.embed(asset, MARK, "me", key)
+    assert list(marked.moved) == [0]
+    assert [(each.part, "cannot be read back" in each.why) for each in marked.left] == [("mesh 1", True)]
+    np.testing.assert_array_equal(after(asset, marked).parts[1].vertices, asset.parts[1].vertices)
+    alone = marking.embed(opened(UNIT_SQUARE, spot_arrays), MARK, "me", key)
+    assert (alone.verified, dict(alone.files), len(alone.left)) == (False, {}, 2)
+
+
+def test_raw_bits(opened: Opened, spot_arrays, key: Key) -> None:
+    bits = np.array([0, 1] * 8)
+    asset = opened(spot_arrays)
+    marked = marking.embed(asset, Watermark(n_bits=16), bits, key)
+    written = triangle_mesh(after(asset, marked).parts[0].vertices, spot_arrays[1])
+    np.testing.assert_array_equal(Watermark(n_bits=16).extract_bits(written, key).bits, bits)
+
+
+def test_the_views_of_a_scene(opened: Opened, spot_arrays) -> None:
+    vertices, triangles = spot_arrays
+    assert [view.part for view in marking.views(opened(spot_arrays))] == ["mesh 0"]
+    scene = opened(icosphere(2), UNIT_SQUARE, (vertices + 9.0, triangles))
+    assert [view.part for view in marking.views(scene)] == [
+        *("mesh 2", "all of it", "mesh 0"),
+        *("piece 1, by area", "piece 2, by area"),
+    ]
+    plate = triangle_mesh(np.vstack([vertices, vertices + 9.0]), np.vstack([triangles, triangles + len(vertices)]))
+    views = marking.views(plate)
+    assert [view.part for view in views] == ["all of it", "piece 1, by area", "piece 2, by area"]
+    assert [len(view.shape.triangles) for view in views] == [2 * len(triangles), len(triangles), len(triangles)]
+    cloud = point_cloud(vertices)
+    assert [view.shape for view in marking.views(cloud)] == [cloud]
+    with pytest.raises(MeshError, match="holds no mesh of triangles"):
+        marking.views(opened())
+
+
+def test_triangles_with_corners_of_their_own_are_one_piece(spot_arrays) -> None:
+    vertices, triangles = spot_arrays
+    soup = triangle_mesh(vertices[triangles.ravel()], np.arange(triangles.size).reshape(-1, 3))
+    assert len(marking.views(soup)) == 1
+
+
+def test_a_print_plate_is_read_by_its_pieces_and_charged_for_all_views(spot_arrays, key: Key) -> None:
+    vertices, triangles = spot_arrays
+    marked = MARK.embed(triangle_mesh(vertices, triangles), "me", key)
+    alone = MARK.extract(marked, key)
+    both = np.vstack([np.asarray(marked.vertices), np.asarray(marked.vertices) + [9.0, 0, 0]])
+    plate = triangle_mesh(both, np.vstack([triangles, triangles + len(vertices)]))
+    found = marking.extract(plate, MARK, key)
+    assert (found.reading.message, found.part) == ("me", "piece 1, by area")
+    assert found.reading.decoded.log10_p == pytest.approx(alone.decoded.log10_p + np.log10(3), abs=1e-3)
+    known = marking.detect(plate, MARK, key, "me")
+    assert known.detection.present
+    assert not marking.detect(plate, MARK, Key(bytes(32)), "me").detection.present
+
+
+def test_what_cannot_be_looked_at_is_passed_over_unless_it_is_everything(opened: Opened, spot_arrays, key: Key) -> None:
+    flat = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    marked = MARK.embed(triangle_mesh(*spot_arrays), "me", key)
+    found = marking.extract(opened(mesh_arrays(marked), flat), MARK, key)
+    assert (found.part, found.reading.message) == ("mesh 0", "me")
+    with pytest.raises(MeshError, match="no triangle with three different corners"):
+        marking.extract(opened(flat), MARK, key)
+
+
+class TestAdvice:
+    def test_a_profile_that_holds_the_message_is_named(self, opened: Opened, spot_arrays, key: Key) -> None:
+        vertices, triangles = spot_arrays
+        slender = opened((vertices * [1.0, 12.0, 1.0], triangles))
+        advice = marking.advice(slender, PROFILES["robust-2026"], "mine", key)
+        name = advice.split()[1]
+        assert name != "robust-2026"
+        assert marking.embed(slender, PROFILES[name], "mine", key).verified
+
+    def test_or_how_many_bytes_one_holds(self, opened: Opened, spot_arrays, key: Key) -> None:
+        small = triangle_mesh(*spot_arrays).simplify_quadric_decimation(800)
+        asset = opened(mesh_arrays(small))
+        advice = marking.advice(asset, PROFILES["robust-2026"], "mine", key)
+        assert "holds a message of 1 byte in this mesh" in advice or "holds a message of 2 bytes" in advice
+
+    def test_or_that_none_does(self, opened: Opened, key: Key) -> None:
+        assert "none of the profiles" in marking.advice(opened(UNIT_SQUARE), PROFILES["robust-2026"], "mine", key)
+
+    def test_nothing_is_advised_where_the_file_is_to_blame(self, opened: Opened, spot_arrays, key: Key) -> None:
+        vertices, triangles = spot_arrays
+        far = opened(((vertices + 5e6).astype(np.float32), triangles))
+        assert marking.advice(far, PROFILES["robust-2026"], "mine", key) == ""
