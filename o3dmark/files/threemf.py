@@ -16,7 +16,7 @@ import numpy as np
 
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
-from o3dmark.files._text import Notation
+from o3dmark.files._text import EXACT, Notation
 from o3dmark.files._threemf_model import ModelReader, Place, read_model
 from o3dmark.files._xml import PIECE, XmlReader
 from o3dmark.files._zip import Archive
@@ -90,9 +90,8 @@ class ThreeMf(Asset):
 
     def _renewed(self, entry: str, parts: Mapping[int, int], moved: Moved) -> Iterable[bytes]:
         fraction = b"." + b"0" * self._models[entry].fraction
-        notations = {
-            part: Notation.of(fraction, geometry.diagonal(self.parts[part].vertices)) for part in parts.values()
-        }
+        diagonals = {part: geometry.diagonal(self.parts[part].vertices) for part in parts.values()}
+        notations = {part: Notation.of(fraction, size) if size else EXACT for part, size in diagonals.items()}
 
         def renew(number: int, first: int, values: Floats) -> tuple[Floats, Notation] | None:
             part = parts.get(number)
