@@ -118,7 +118,7 @@ class Gltf(Asset):
         for block, rows in body.blocks.items():
             if changed[rows].any():
                 raw = np.where(changed[rows], block.nearest(vertices[rows]), block.raw())
-                block.write(edits, raw, changed[rows].any(axis=1))
+                block.write(edits, raw, np.logical_or.reduce(changed[rows].T))
                 after[rows] = block.floats(raw)
         self._turn(edits, body, after)
 
@@ -127,10 +127,10 @@ class Gltf(Asset):
         for block, rows in body.blocks.items():
             if (vertices[rows] == body.part.vertices[rows]).all():
                 continue
-            raw = block.raw(edits)
+            columns = np.ascontiguousarray(block.raw(edits).T)
             for number in body.numbers[block]:
-                self._announce(edits, ("accessors", number, "min"), raw.min(axis=0))
-                self._announce(edits, ("accessors", number, "max"), raw.max(axis=0))
+                self._announce(edits, ("accessors", number, "min"), columns.min(axis=1))
+                self._announce(edits, ("accessors", number, "max"), columns.max(axis=1))
 
     def _announce(self, edits: Edits, path: tuple[str, int, str], numbers: AnyArray) -> None:
         """Put numbers (3,) at a place of the text, if there are some that are not the same."""
@@ -216,7 +216,7 @@ def _write(edits: Edits, places: Mapping[Accessor, slice], before: Floats, after
         old, new = accessor.nearest(before[rows]), accessor.nearest(after[rows])
         changed = (old != new).any(axis=1)
         if changed.any():
-            raw = accessor.raw()
+            raw = accessor.raw().copy()
             raw[:, :3] = np.where(changed[:, None], new, raw[:, :3])
             accessor.write(edits, raw, changed)
 
