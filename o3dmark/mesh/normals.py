@@ -36,19 +36,21 @@ class Turns:
     """The least turns (k,) that take unit vectors (k, 3) to others; none where they are zero, equal or opposite."""
 
     def __init__(self, start: Floats, end: Floats) -> None:
-        cosine = (start * end).sum(axis=1)
-        turns = cosine > -0.5  # of a surface turned over, the least turn says nothing
-        turns &= (start != end).any(axis=1)  # a unit vector times itself is not quite 1, and nothing may change
-        turns &= (start != 0.0).any(axis=1) & (end != 0.0).any(axis=1)
-        turns &= (start != end).any(axis=1)  # exactly none where nothing moved
-        self._axis = np.where(turns[:, None], np.cross(start, end), 0.0)  # of length sin
-        self._cosine = np.where(turns, cosine, 1.0)
+        axis, cosine = np.cross(start, end), _dot(start, end)  # of length sin
+        turns = (cosine > -0.5) & (_dot(axis, axis) > 0.0)  # of a surface turned over, the least turn says nothing
+        self._axis = np.where(turns[:, None], axis, 0.0)
+        self._cosine = np.where(turns, cosine, 1.0)  # a unit vector times itself is not quite 1
 
     def __call__(self, vectors: Floats) -> Floats:
         """Vectors (k, 3), each turned; their lengths stay. (Rodrigues' formula, with the axis not of unit length.)"""
         axis, cosine = self._axis, self._cosine[:, None]
-        along = (axis * vectors).sum(axis=1, keepdims=True)
+        along = _dot(axis, vectors)[:, None]
         return vectors * cosine + np.cross(axis, vectors) + axis * along / (1.0 + cosine)
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    """Products (k,) of vectors (k, 3); a sum along short rows takes three times longer."""
+    return np.asarray(np.einsum("kd,kd->k", one, other))
 
 
 def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
@@ -62,4 +64,4 @@ def _groups(positions: Ints, numbers: Ints, normals: Floats) -> Ints:
 
 
 def _sums(vectors: Floats, group: Ints, size: int) -> Floats:
-    return np.column_stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)])
+    return np.stack([np.bincount(group, vectors[:, axis], size) for axis in range(3)], axis=1, dtype=np.float64)
