@@ -269,8 +269,9 @@ def _body(name: str, drawn: list[Primitive], stands: Floats, fixed: dict[Accesso
             slices[one.drawn] = slice(m, m := m + len(corners))
         pieces.append(Piece(one, start, slices[one.drawn]))
     why = next((fixed.get(block) or block.fixed for block in blocks if fixed.get(block) or block.fixed), "")
-    lost = len(vertices) - int(np.isfinite(vertices).all(axis=1).sum())
-    if lost and not why:
+    finite = np.isfinite(vertices)
+    if not why and not finite.all():
+        lost = len(vertices) - int(finite.all(axis=1).sum())
         why = f"{lost} of its {len(vertices)} positions are not finite numbers"
     part = Part(name, vertices, triangles[0] if len(triangles) == 1 else np.concatenate(triangles), steps, stands, why)
     return Body(part, blocks, numbers, tuple(pieces))

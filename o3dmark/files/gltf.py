@@ -118,7 +118,7 @@ class Gltf(Asset):
         for block, rows in body.blocks.items():
             if changed[rows].any():
                 raw = np.where(changed[rows], block.nearest(vertices[rows]), block.raw())
-                block.write(edits, raw, changed[rows].any(axis=1))
+                block.write(edits, raw, np.logical_or.reduce(changed[rows].T))
                 after[rows] = block.floats(raw)
         self._turn(edits, body, after)
 
@@ -127,10 +127,10 @@ class Gltf(Asset):
         for block, rows in body.blocks.items():
             if (vertices[rows] == body.part.vertices[rows]).all():
                 continue
-            raw = block.raw(edits)
+            columns = np.ascontiguousarray(block.raw(edits).T)
             for number in body.numbers[block]:
-                self._announce(edits, ("accessors", number, "min"), raw.min(axis=0))
-                self._announce(edits, ("accessors", number, "max"), raw.max(axis=0))
+                self._announce(edits, ("accessors", number, "min"), columns.min(axis=1))
+                self._announce(edits, ("accessors", number, "max"), columns.max(axis=1))
 
     def _announce(self, edits: Edits, path: tuple[str, int, str], numbers: AnyArray) -> None:
         """Put numbers (3,) at a place of the text, if there are some that are not the same."""
@@ -213,12 +213,25 @@ def _finite_vectors(accessor: Accessor) -> Floats:
 def _write(edits: Edits, places: Mapping[Accessor, slice], before: Floats, after: Floats) -> None:
     """Put vectors (k, 3) that have turned where they stand; those that the file cannot tell apart keep their bytes."""
     for accessor, rows in places.items():
-        old, new = accessor.nearest(before[rows]), accessor.nearest(after[rows])
+        old, new = accessor.nearest(before[rows]), accessor.nearest(_unit_again(accessor, before[rows], after[rows]))
         changed = (old != new).any(axis=1)
         if changed.any():
-            raw = accessor.raw()
+            raw = accessor.raw().copy()
             raw[:, :3] = np.where(changed[:, None], new, raw[:, :3])
             accessor.write(edits, raw, changed)
+
+
+def _unit_again(accessor: Accessor, before: Floats, after: Floats) -> Floats:
+    """Vectors (k, 3) that have turned on a grid; those that were of unit length but for their rounding are so again.
+
+    Else the errors of two roundings would add up, and a validator complains.
+    """
+    if accessor.scale == 1.0:
+        return after
+    lengths = np.linalg.norm(before, axis=1)
+    unit = np.abs(lengths - 1.0) <= np.sqrt(3.0) / 2.0 / accessor.scale
+    unit &= (before != after).any(axis=1)
+    return np.where(unit[:, None], after / np.maximum(lengths, 0.5)[:, None], after)
 
 
 def _says(words: str, number: np.generic) -> bool:
