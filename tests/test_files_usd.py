@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fixtures.usd_files import CUBE, POINTS, crate, offsets, package, tetra, without_arrays
 from o3dmark.errors import MeshError
-from o3dmark.files import _usd_text
+from o3dmark.files import _usd_text, convert, open_asset
 from o3dmark.files.references import Source
 from o3dmark.files.usd import Usd
 
@@ -204,6 +204,16 @@ def test_instancers_place_their_prototypes():
     )
     part = opened({"a.usda": scene.encode()}).parts[0]
     assert {tuple(place[:3, 3]) for place in part.placements} == {(11, 0, 0), (10, 2, 0)}
+
+
+@needs_library
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".3mf"])
+def test_scenes_convert_with_their_shape(suffix):
+    asset = opened({"a.usda": CUBE.encode()})
+    done = convert(asset, Path(f"out{suffix}"), open_asset)
+    assert {"materials", "textures"} <= set(done.dropped)
+    places = sum(len(part.triangles) * len(part.placements) for part in done.asset.parts)
+    assert places == 24
 
 
 BAD_FACES = tetra().replace("[3, 3, 3, 3]", "[3, 3, 3, 4]")

@@ -27,8 +27,22 @@ from o3dmark.mesh import geometry
 
 LOADED = (".obj", ".ply", ".glb", ".gltf")  # of these trimesh reads more than the shape
 _SLOTS = ("baseColorTexture", "normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture")
+_LOOKS = [
+    "name",
+    "emissiveFactor",
+    "baseColorFactor",
+    "metallicFactor",
+    "roughnessFactor",
+    "doubleSided",
+    "alphaMode",
+    "alphaCutoff",
+]
 _KEPT_AS_THEY_ARE = {"PNG": "image/png", "JPEG": "image/jpeg"}
 _OPTIONS = re.compile(r"(?:-[a-z]+\s+(?:(?:[\d.+-][\d.eE+-]*|on|off)\s+)*)+", re.IGNORECASE)
+_FACE = re.compile(rb"^[ \t]*f[ \t].*$", re.MULTILINE)
+_BARE_FACE = re.compile(rb"^[ \t]*f[ \t]+[+-]?\d+(?:[ \t]|//)", re.MULTILINE)
+_COUNTS_BACK = re.compile(rb"^[ \t]*f[ \t].*[ /]-\d", re.MULTILINE)  # from the last vt, which would be another
+_BARE_CORNER = re.compile(rb"(?<=[ \t])([+-]?\d+)(?:/(/[+-]?\d+)|/{0,2})(?=\s|$)")
 
 
 @dataclass(frozen=True)
@@ -117,6 +131,8 @@ def loaded(asset: Asset, textures: bool) -> Dressed:
         packed = _repack.packed(asset.source)
         _gltf_floats.write_out(packed)
         content, suffix = packed.glb(), ".glb"
+    elif suffix == ".obj":
+        content = _textured_throughout(content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of libraries among themselves
         scene = trimesh.load_scene(io.BytesIO(content), suffix[1:], resolver=resolver, process=False)
@@ -133,6 +149,21 @@ def loaded(asset: Asset, textures: bool) -> Dressed:
             dressed.normals[name] = np.array(mesh.vertex_normals)
     _take_pictures(dressed)
     return dressed
+
+
+def _textured_throughout(content: bytes) -> bytes:
+    """An OBJ file that is textured in part, with texture coordinates at all corners of its faces.
+
+    trimesh leaves them all out where one is missing. Those added are 0 0, which is what programs draw there.
+    """
+    count = len(re.findall(rb"^vt[ \t]", content, re.MULTILINE))
+    if not count or not _BARE_FACE.search(content) or _COUNTS_BACK.search(content):
+        return content
+
+    def complete(line: re.Match[bytes]) -> bytes:
+        return _BARE_CORNER.sub(rb"\1/%d\2" % (count + 1), line[0])
+
+    return _FACE.sub(complete, content) + b"\nvt 0 0\n"
 
 
 class _Beside(Resolver):  # type: ignore[misc]
@@ -167,25 +198,28 @@ class _Beside(Resolver):  # type: ignore[misc]
 
 
 def _take_pictures(dressed: Dressed) -> None:
-    """Make all materials physically based, with tokens instead of pictures."""
-    numbers: dict[int, Image.Image] = {}
-    materials: dict[int, PBRMaterial] = {}
-    for mesh in dressed.meshes().values():
-        old = getattr(mesh.visual, "material", None)
+    """Make all materials physically based, with tokens for pictures, or without where nothing says how they lie."""
+    tokens: dict[int, Image.Image] = {}
+    materials: dict[tuple[int, bool], PBRMaterial] = {}
+    olds = [getattr(mesh.visual, "material", None) for mesh in dressed.meshes().values()]
+    for mesh, old in zip(dressed.meshes().values(), olds, strict=True):
         if old is None:
             continue
-        if id(old) not in materials:
-            materials[id(old)] = new = _physical(old) if isinstance(old, SimpleMaterial) else old
+        laid = mesh.visual.uv is not None and len(mesh.visual.uv) == len(mesh.vertices)
+        if (id(old), laid) not in materials:
+            materials[id(old), laid] = new = _physical(old) if isinstance(old, SimpleMaterial) else _copied(old)
             for slot in _SLOTS:
                 image = getattr(new, slot)
-                if image is not None and image.format is None:  # made by trimesh where there is none
+                if image is None:
+                    continue
+                if not laid or image.format is None:  # made by trimesh where there is none
                     setattr(new, slot, None)
-                elif image is not None:
-                    if id(image) not in numbers:
-                        numbers[id(image)] = _token(len(dressed.pictures))
-                        dressed.pictures.append(_picture(image))
-                    setattr(new, slot, numbers[id(image)])
-        mesh.visual.material = materials[id(old)]
+                    continue
+                if id(image) not in tokens:
+                    tokens[id(image)] = _token(len(dressed.pictures))
+                    dressed.pictures.append(_picture(image))
+                setattr(new, slot, tokens[id(image)])
+        mesh.visual.material = materials[id(old), laid]
 
 
 def _token(number: int) -> Image.Image:
@@ -201,6 +235,11 @@ def _picture(image: Image.Image) -> Picture:
     out = io.BytesIO()
     image.save(out, "PNG")
     return Picture(out.getvalue(), "image/png")
+
+
+def _copied(old: PBRMaterial) -> PBRMaterial:
+    """A material with the same images; trimesh's own copy forgets what files they are."""
+    return PBRMaterial(**{name: getattr(old, name) for name in (*_LOOKS, *_SLOTS)})
 
 
 def _physical(old: SimpleMaterial) -> PBRMaterial:

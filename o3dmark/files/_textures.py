@@ -30,7 +30,10 @@ _SAME = {  # what OBJ and glTF call alike
 
 
 def texture_uses(asset: Asset) -> dict[str, set[str]]:
-    """For each purpose that textures have, by the word of the format, the pictures."""
+    """For each purpose that textures have, by the word of the format, the pictures; none where nothing says how they
+    lie on the mesh."""
+    if "texture coordinates" not in asset.contents:
+        return {}
     readers = {".obj": _of_obj, ".ply": _of_ply, ".glb": _of_gltf, ".gltf": _of_gltf}
     found: dict[str, set[str]] = {}
     for purpose, picture in readers.get(asset.path.suffix.lower(), _of_none)(asset):
