@@ -1,5 +1,9 @@
 """Primitives that Draco has compressed: each of their attributes is a space of its own, and all are encoded at once.
 
+Vertices and triangles keep their order, which morph targets count on, and for which Draco compresses less: a stream may
+get three times longer, though shorter than plain numbers. Positions lie on a grid over their box, so where the box
+changes, those that did not move are rounded anew, by half a step of the old grid at most.
+
 Source: KHR_draco_mesh_compression.
 """
 

@@ -33,7 +33,8 @@ class Gltf(Asset):
     """A .gltf or .glb file; which of the two it is, its first bytes say.
 
     A part is a mesh with all its primitives, or several that draw the same positions. A skinned mesh is one in its bind
-    pose, morph targets and instances go with it. Quantised positions move on their grid, to its rim at most.
+    pose, morph targets and instances go with it. Quantised positions move on their grid, to its rim at most. What is
+    compressed is compressed again alike (see `_gltf_meshopt`, `_gltf_draco`), or fixed.
     Normals and tangents turn with their surface. They stay as they are where several parts use them, or where their
     bytes are used for something else.
     Errors: MeshError for a damaged file, a missing one beside it, or a required extension that is not known.
