@@ -7,24 +7,27 @@ import numpy as np
 
 from o3dmark.arrays import Bools, Floats
 from o3dmark.errors import MeshError
-from o3dmark.files._text import Places, floats, only, spliced
+from o3dmark.files._text import Places, floats, only, spliced, where
 from o3dmark.files._words import Numbers, equal, extent_of, words
 
 _BOM = b"\xef\xbb\xbf"
 _IS_SOLID = re.compile(rb"(?:%b)?\s*solid(?!\S)" % _BOM, re.I)
-_LINE_END = re.compile(rb"[\r\n]")
 
 
 class TextFacets:
-    """The facets of all solids of a text: their ``normals`` (m, 3) and ``corners`` (3 m, 3)."""
+    """The facets of all solids of a text: their ``normals`` (m, 3) and ``corners`` (3 m, 3).
+
+    ``contents``: whether solids have names, and whether there are several.
+    """
 
     steps = np.zeros(3)
 
     def __init__(self, path: Path, content: bytes) -> None:
         text = content if not content.startswith(_BOM) else b"   " + content[len(_BOM) :]
         places = words(text)
-        self._names, named = _solids(text, places)
-        places = _numbers(path.name, text, places[~named])
+        solids, named, on_their_lines = _solids(text, places)
+        self.contents = frozenset(["names"] * named + ["several meshes"] * (solids > 1))
+        places = _numbers(path.name, text, places[~on_their_lines])
         shown = only(np.frombuffer(text, np.uint8), places)
         values = floats(path, _with_nan(shown, places - places[:1, :1, :1]), "normals and vertices", width=12)
         self._content = content
@@ -33,12 +36,6 @@ class TextFacets:
             for side in (slice(0, 3), slice(3, 12))
         )
         self.normals, self.corners = (side.values.reshape(-1, 3) for side in (self._normals, self._corners))
-
-    @property
-    def contents(self) -> frozenset[str]:
-        """Whether solids have names, and whether there are several."""
-        named = {"names"} if any(self._names) else set[str]()
-        return frozenset(named | ({"several meshes"} if len(self._names) > 1 else set()))
 
     @staticmethod
     def rounded(values: Floats) -> Floats:
@@ -60,21 +57,24 @@ def is_text(content: bytes) -> bool:
     return bool(_IS_SOLID.match(content)) and b"\0" not in content[:512]
 
 
-def _solids(text: bytes, places: Places) -> tuple[list[bytes], Bools]:
-    """The names of solids, and which words (w,) are on lines that begin or end one: a name may be of any words."""
-    starts, named = np.ascontiguousarray(places[:, 0]), np.zeros(len(places), bool)
-    begins, ends = (equal(text, places, word) for word in (b"solid", b"endsolid"))
-    names, done = [], 0
-    for word in np.sort(np.concatenate([begins, ends])).tolist():
-        start, end = places[word].tolist()
-        if start < done or (word and not _LINE_END.search(text, int(places[word - 1, 1]), start)):
-            continue  # a part of a name
-        line_end = _LINE_END.search(text, end)
-        done = line_end.start() if line_end else len(text)
-        named[word : np.searchsorted(starts, done)] = True
-        if end - start == len(b"solid"):
-            names.append(text[end:done].strip())
-    return names, named
+def _solids(text: bytes, places: Places) -> tuple[int, bool, Bools]:
+    """How many solids begin, whether one has a name, and which words (w,) are on lines that begin or end one.
+
+    A name may be of any words.
+    """
+    starts, line_ends = places[:, 0], where(np.frombuffer(text, np.uint8), lambda data: (data == 10) | (data == 13))
+    begins = equal(text, places, b"solid")
+    first = np.sort(np.concatenate([begins, equal(text, places, b"endsolid")]))
+    line = np.searchsorted(line_ends, starts[first])
+    before = np.searchsorted(line_ends, starts[first - 1])  # of the first word the line of the last, or its own
+    first, line = (array[(line != before) | (first == 0)] for array in (first, line))
+    after = np.searchsorted(starts, np.append(line_ends, len(text))[line])
+    step = np.zeros(len(places) + 1, np.int8)
+    step[first] += 1
+    step[after] -= 1
+    starting = np.isin(first, begins)
+    named = bool((after - first)[starting].max(initial=1) > 1)
+    return int(starting.sum()), named, np.cumsum(step[:-1], dtype=np.int8).view(bool)
 
 
 def _numbers(name: str, text: bytes, places: Places) -> Places:
