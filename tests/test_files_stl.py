@@ -29,7 +29,7 @@ BINARY = {
     "solid": binary_stl(CORNERS, normals=NORMALS, header=b"solid Part1 exported by a CAD program"),
     "more behind": binary_stl(CORNERS, normals=NORMALS, header=b"solid", tail=b"signature\0" * 30),
 }
-HALVES = [("upper", NORMALS[:160], CORNERS[:160]), ("", NORMALS[160:200], CORNERS[160:200])]
+HALVES = [("upper solid", NORMALS[:160], CORNERS[:160]), ("", NORMALS[160:200], CORNERS[160:200])]
 HALVES += [("facet vertex 1 2 3 endloop", NORMALS[200:], CORNERS[200:])]
 TEXT = {
     "one solid": text_stl([("part", NORMALS, CORNERS)]),

@@ -1,14 +1,13 @@
 """Three numbers of each vertex of a PLY file that belong together, a position or a normal: read, rounded, written."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._changes import differs
 from o3dmark.files._ply_header import Property
 from o3dmark.files._ply_rows import Rows
-from o3dmark.files._text import Notation
+from o3dmark.files._text import Edit, Notation, Places
 from o3dmark.files._words import Numbers, extent_of
 from o3dmark.files.asset import float_steps
 
@@ -74,29 +73,24 @@ class Columns:
         for k, p in enumerate(self._properties):
             rows.put(p, values[:, k], changed[:, k])
 
-    def changes(
-        self, values: Floats, text: bytes, starts: Ints, ends: Ints
-    ) -> list[tuple[Ints, Ints, NDArray[np.bytes_]]]:
-        """What changes in a text whose words begin and end there, by what `rounded` gave: as `Numbers.changes`."""
-        columns = [
-            Numbers(text, starts[at := self._rows.places(p)], ends[at], old)
-            for p, old in zip(self._properties, self.values.T, strict=True)
-        ]
-        every = Numbers(
-            text,
-            np.concatenate([column.starts for column in columns]),
-            np.concatenate([column.ends for column in columns]),
-            self.values.T.ravel(),
-        )
-        fractions = every.notation(extent_of(self.values) or extent_of(values))
+    def edits(self, values: Floats, text: bytes, places: Places) -> list[Edit]:
+        """What changes in a text whose words stand at ``places``, by what `rounded` gave."""
+        at = [places[self._rows.places(p)] for p in self._properties]
+        columns = [Numbers(text, where, old) for where, old in zip(at, self.values.T, strict=True)]
+        every = np.concatenate(at)
+        order = np.argsort(every[:, 0])
+        numbers = Numbers(text, every[order], self.values.T.ravel()[order])
+        fractions = numbers.notation(extent_of(self.values) or extent_of(values))
         return [
-            column.changes(new, fractions if kind[0] == "f" else Notation(0))
+            column.edit(new, fractions if kind[0] == "f" else Notation(0))
             for column, new, kind in zip(columns, values.T, self.kinds, strict=True)
         ]
 
 
 def _steps(values: Floats, kind: str) -> Floats:
-    return float_steps(values, np.dtype(kind)) if kind[0] == "f" else np.ones_like(values)
+    if kind[0] != "f":
+        return np.ones_like(values)
+    return float_steps(values, np.float32 if kind == "f4" else np.float64)
 
 
 def _rounded(values: Floats, kind: str, *, text: bool, clipped: bool) -> Floats:

@@ -60,7 +60,7 @@ def _fan(corners: int) -> Ints:
 
 def _whole(rows: Rows, items: AnyArray) -> Ints:
     with np.errstate(invalid="ignore"):
-        whole = items.astype(np.int64)
+        whole = items.astype(np.int64, copy=False)
     if items.dtype.kind == "f" and (whole != items).any():
         wrong = items[whole != items][0]
         raise MeshError(f"{rows.body.name}: element {rows.element.name} names vertex {wrong}, which is no whole number")

@@ -1,104 +1,84 @@
-"""The words of a text: where they stand, and numbers in the place of some of them."""
+"""Numbers among the words of a text: where they stand, and the edit that writes others in their place."""
 
-import itertools
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from o3dmark.arrays import Bools, Floats, Ints
+from o3dmark.arrays import Floats, Ints
 from o3dmark.files._changes import differs
-from o3dmark.files._text import Notation
+from o3dmark.files._text import EXACT, Edit, Notation, Places, only
 from o3dmark.mesh import geometry
 
-GAPS = b" \t\n\v\f\r"
-_IS_GAP = np.isin(np.arange(256), list(GAPS))
-_MOST_DIGITS = 16  # after the first: enough for every float64
+_IS_GAP = np.isin(np.arange(256), list(b" \t\n\v\f\r"))
+_MOST_DECIMALS = 16  # before an exponent: enough for every float64
+_BLOCK = 1 << 17  # bytes or words that are looked at together: they stay in a processor's cache, and take little room
 _LEAST_EXTENT = 1e-290  # with room for factors
-_CHUNK = 1 << 16  # words that are Python objects at a time
 
 
-def words(text: bytes) -> tuple[Ints, Ints]:
-    """Where each word begins (n,) and ends (n,)."""
-    gap = np.ones(len(text) + 2, bool)
-    gap[1:-1] = _IS_GAP[np.frombuffer(text, np.uint8)]
-    edges = np.flatnonzero(gap[1:] != gap[:-1])
-    return edges[::2], edges[1::2]
+def words(text: bytes) -> Places:
+    """Where words begin and end (n, 2)."""
+    data, edges, before = np.frombuffer(text, np.uint8), [np.empty(0, np.int64)], True
+    for first in range(0, len(data), _BLOCK):
+        gap = _IS_GAP[data[first : first + _BLOCK]]
+        edges.append(np.flatnonzero(np.diff(gap, prepend=before)) + first)
+        before = bool(gap[-1])
+    edges.append(np.full(int(not before), len(data)))
+    places: Places = np.empty(sum(map(len, edges)), np.int32 if len(data) < 1 << 31 else np.int64)
+    np.concatenate(edges, out=places, casting="same_kind")
+    return places.reshape(-1, 2)
 
 
-def only(text: bytes, starts: Ints, ends: Ints) -> bytes:
-    """The text with nothing but the words of these places, and blanks for all others."""
-    step = np.zeros(len(text) + 1, np.int8)
-    step[starts] = 1
-    step[ends] -= 1
-    inside = np.cumsum(step[:-1], dtype=np.int8).view(bool)
-    return np.where(inside, np.frombuffer(text, np.uint8), np.uint8(32)).tobytes()
-
-
-def equal(text: bytes, starts: Ints, ends: Ints, word: bytes) -> Bools:
-    """Which words (n,) are ``word``, written in small letters, in whatever case."""
-    found = ends - starts == len(word)
+def equal(text: bytes, places: Places, word: bytes) -> Ints:
+    """Which words (n, 2) are ``word``, which is written in small letters, in whatever case (k,)."""
+    found = np.flatnonzero(places[:, 1] - places[:, 0] == len(word))
     letters = np.frombuffer(text, np.uint8)
-    for place, letter in enumerate(word):  # at the end of the text the words are shorter, and found is already False
-        found[found] = letters[starts[found] + place] | 0x20 == letter
+    for place, letter in enumerate(word):
+        found = found[letters[places[found, 0] + place] | 0x20 == letter]
     return found
-
-
-def replaced(text: bytes, changes: Iterable[tuple[Ints, Ints, NDArray[np.bytes_]]]) -> bytes:
-    """The text with other words (k,) where those that begin and end there (k,) stood, for each of some changes."""
-    starts, ends, numerals = (np.concatenate(arrays) for arrays in zip(*changes, strict=True))
-    order = np.argsort(starts)
-    result, done = bytearray(), 0
-    for first in range(0, len(order), _CHUNK):
-        chunk = order[first : first + _CHUNK]
-        begin, end = starts[chunk].tolist(), ends[chunk].tolist()
-        gaps = [text[a:b] for a, b in zip([done, *end[:-1]], begin, strict=True)]
-        result += b"".join(itertools.chain.from_iterable(zip(gaps, numerals[chunk].tolist(), strict=True)))
-        done = end[-1]
-    result += text[done:]
-    return bytes(result)
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """Numbers in a text: where their words begin (k,) and end (k,), and what they say (k,)."""
+    """Numbers in a text: the places (k, 2) of their words, ascending, and what they say (k,)."""
 
     text: bytes
-    starts: Ints
-    ends: Ints
+    places: Places
     values: Floats
+
+    @cached_property
+    def _shown(self) -> bytes:
+        return only(np.frombuffer(self.text, np.uint8), self.places)
 
     def notation(self, extent: float) -> Notation:
         """How to write positions about as large as these, of a diagonal ``extent``: with exponents if all have one."""
-        text = only(self.text, self.starts, self.ends)
-        greatest = float(np.abs(self.values[np.isfinite(self.values)]).max(initial=0.0))
-        plain = Notation.of(text, extent)
-        if not greatest or plain.kind != "f" or text.lower().count(b"e") < len(self.values):
+        plain = Notation.of(self._shown, extent)
+        if plain.kind != "f" or self._exponents < len(self.values):
             return plain
+        greatest = float(np.abs(self.values[np.isfinite(self.values)]).max(initial=0.0)) or 1.0
         needed = Notation.of(b"", extent).decimals + math.ceil(math.log10(greatest))
-        return Notation(min(max(Notation.of(text, 0.0).decimals, needed), _MOST_DIGITS), "e")
+        return Notation(min(max(Notation.of(self._shown, 0.0).decimals, needed), _MOST_DECIMALS), "e")
 
-    def changes(self, values: Floats, notation: Notation) -> tuple[Ints, Ints, NDArray[np.bytes_]]:
-        """Where words begin (m,) and end (m,) that do not say ``values`` (k,), and those (m,) that do."""
+    def edit(self, values: Floats, notation: Notation) -> Edit:
+        """The words that do not say ``values`` (k,), and those that do.
+
+        Among words with exponents one may say more than the notation does: what stands there gets all its digits.
+        """
         changed = differs(values, self.values)
-        return self.starts[changed], self.ends[changed], self._words(values[changed], notation)
+        new, pieces = values[changed], []
+        finer = np.isin(new, self.values) if self._exponents else np.zeros(len(new), bool)
+        for first in range(0, len(new), _BLOCK):
+            chunk, exact = new[first : first + _BLOCK, None], np.flatnonzero(finer[first : first + _BLOCK])
+            rows = notation.rows(chunk)
+            for row, word in zip(exact.tolist(), EXACT.rows(chunk[exact]), strict=True):
+                rows[row] = word
+            pieces += [b"\n".join(rows)]
+        return self.places[changed], b"\n".join(pieces)
 
-    def _words(self, values: Floats, notation: Notation) -> NDArray[np.bytes_]:
-        """Numbers (m,) as words (m,): one that the text has by its own word, for the text may be finer."""
-        chunks = [notation.rows(values[first : first + _CHUNK, None]) for first in range(0, len(values), _CHUNK)]
-        words = np.concatenate([np.empty(0, "S1"), *(np.array(chunk, "S") for chunk in chunks)])
-        order = np.argsort(self.values)
-        at = order[np.minimum(np.searchsorted(self.values, values, sorter=order), len(order) - 1)]
-        known = np.flatnonzero(self.values[at] == values)
-        there = [
-            self.text[a:b] for a, b in zip(self.starts[at[known]].tolist(), self.ends[at[known]].tolist(), strict=True)
-        ]
-        longest = max(map(len, there), default=0)
-        words = words.astype(f"S{max(words.itemsize, longest)}", copy=False)
-        words[known] = there
-        return words
+    @cached_property
+    def _exponents(self) -> int:
+        return self._shown.count(b"e") + self._shown.count(b"E")
 
 
 def extent_of(vertices: Floats) -> float:

@@ -1,20 +1,19 @@
 """PLY: text or binary of either byte order, with whatever elements and properties it has."""
 
-import itertools
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.files import _words
 from o3dmark.files._parsing import set_colours
 from o3dmark.files._ply_columns import Columns
 from o3dmark.files._ply_faces import polygons, strips
 from o3dmark.files._ply_header import Header
 from o3dmark.files._ply_rows import Body, Rows
+from o3dmark.files._text import spliced
+from o3dmark.files._words import words
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.references import Source
 from o3dmark.mesh.normals import turned
@@ -149,19 +148,9 @@ class Ply(Asset):
 
     def _text(self, changes: list[tuple[Columns, Floats]]) -> bytes:
         head, text = self._content[: self._header.size], self._content[self._header.size :]
-        starts, ends = _words.words(text)
-        new = [columns.changes(values, text, starts, ends) for columns, values in changes]
-        return head + _words.replaced(text, itertools.chain.from_iterable(new))
-
-
-def read(path: Path) -> TriangleMesh:
-    """The mesh in a PLY file, in double precision where the file has it. Errors: MeshError for a damaged file."""
-    return Ply(Source(path)).mesh()
-
-
-def counts(path: Path) -> tuple[int, int]:
-    """(vertices, faces) as the header says. Errors: as `read`."""
-    return Ply(Source(path)).counts
+        places = words(text)
+        edits = [edit for columns, values in changes for edit in columns.edits(values, text, places)]
+        return head + spliced(text, *edits)
 
 
 def _rows(body: Body, header: Header) -> tuple[dict[str, Rows], int]:
