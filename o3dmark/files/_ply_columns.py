@@ -8,7 +8,7 @@ from o3dmark.files._changes import differs
 from o3dmark.files._ply_header import Property
 from o3dmark.files._ply_rows import Rows
 from o3dmark.files._text import Edit, Notation, Places
-from o3dmark.files._words import Numbers, extent_of
+from o3dmark.files._numbers import Numbers, extent_of
 from o3dmark.files.asset import float_steps
 
 

@@ -13,7 +13,7 @@ from o3dmark.files._ply_faces import polygons, strips
 from o3dmark.files._ply_header import Header
 from o3dmark.files._ply_rows import Body, Rows
 from o3dmark.files._text import spliced
-from o3dmark.files._words import words
+from o3dmark.files._numbers import words
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.references import Source
 from o3dmark.mesh.normals import turned
