@@ -5,9 +5,23 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh.surface import TriangleMesh
+
+
+def fans(counts: Ints, *corners: AnyArray) -> list[Ints]:
+    """Polygons as triangles about their first corners; none for fewer than three corners.
+
+    counts (f,): how many corners each polygon has. For each array of corners (c,), of all polygons one after another,
+    those of the triangles (m, 3).
+    """
+    if (counts == 3).all():
+        return [each.reshape(-1, 3).astype(np.int64) for each in corners]
+    first, triangles = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
+    second = ranges(first + 1, triangles)
+    first = np.repeat(first, triangles)
+    return [np.column_stack([each[first], each[second], each[second + 1]]).astype(np.int64) for each in corners]
 
 
 def ranges(starts: Ints, counts: Ints) -> Ints:
@@ -15,18 +29,7 @@ def ranges(starts: Ints, counts: Ints) -> Ints:
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
-def fans(counts: Ints) -> Ints:
-    """Polygons as triangles about their first corners (m, 3); none for fewer than three corners.
-
-    counts (f,): how many corners each polygon has. The triangles name corners by their place among those of all
-    polygons, one after another.
-    """
-    first, triangles = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
-    second = ranges(first + 1, triangles)
-    return np.column_stack([np.repeat(first, triangles), second, second + 1])
-
-
-def check_corners(path: Path, corners: Ints, n_vertices: int) -> None:
+def check_corners(path: Path, corners: AnyArray, n_vertices: int) -> None:
     """Errors: MeshError for a corner (c,) that is no vertex."""
     if len(corners) and not (corners.min() >= 0 and corners.max() < n_vertices):
         raise MeshError(f"{path.name}: a face names a vertex that is not among its {n_vertices} vertices")
