@@ -1,5 +1,6 @@
 """The lines of an OBJ file as arrays: vertices, their colours, normals and faces, and where in the file they stand."""
 
+import functools
 import itertools
 import re
 from collections.abc import Iterator
@@ -61,7 +62,10 @@ class ObjText:
         try:
             return places, self._text.floats(places)
         except ValueError:
-            return places, np.stack([self._normal(row) for row in places])
+            values = np.empty(places.shape[:2])
+            for number, row in enumerate(places):
+                values[number] = self._normal(row)
+            return places, values
 
     def faces(self) -> tuple[Places, list[Places]]:
         """How many corners each face has (f,); and the vertices (c,) of all corners, one face after another, from 0.
@@ -112,21 +116,25 @@ class ObjText:
             words.update(self._content[start:end] for start, end in places)
         return words
 
-    def _normal(self, places: Places) -> Floats:
+    def _normal(self, places: Places) -> list[float]:
         try:
-            return np.array([float(self._content[start:end]) for start, end in places])
+            return [float(self._content[start:end]) for start, end in places]
         except ValueError:
-            return np.full(3, np.nan)
+            return [np.nan] * 3
 
     def _corner_words(self) -> Iterator[Ints]:
         """The numbers of the words that are corners of faces, block by block."""
         first = self._text.first
         corners = mask(len(self._text.places), np.column_stack([first[self._faces] + 1, first[self._faces + 1]]))
-        return (np.flatnonzero(corners[block]) + block.start for block in blocks(len(corners)))
+        for block in blocks(len(corners)):
+            words = np.flatnonzero(corners[block]) + block.start
+            if len(words):
+                yield words
 
     def _corners(self, words: Ints) -> tuple[Ints, Ints]:
         """The vertices (c,) and the normals (c,), or -1, that some words name."""
         places = self._text.places[words]
+        damage = functools.partial(self._damage, places, _INDEX, "a face has a corner that is no vertex number")
         vertex, normal = self._fields(places)
         named = (normal[:, 0] < normal[:, 1]) & (len(self._normals) > 0)
         normals = np.zeros(len(words), np.int64)
@@ -134,21 +142,18 @@ class ObjText:
             vertices = self._text.integers(vertex)
             normals[named] = self._text.integers(normal[named])
         except ValueError:
-            vertices = normals
+            raise damage() from None
         if not vertices.all():  # OBJ counts from 1
-            raise self._damage(places, _INDEX, "a face has a corner that is no vertex number")
-        vertices, normals = (
-            self._from_zero(vertices, words, self._vertices),
-            self._from_zero(normals, words, self._normals),
-        )
+            raise damage()
+        vertices = self._from_zero(vertices, words, self._vertices)
+        normals = self._from_zero(normals, words, self._normals)
         check_corners(self._path, vertices, len(self._vertices))
         return vertices, np.where((normals >= 0) & (normals < len(self._normals)), normals, -1)
 
     def _fields(self, places: Places) -> tuple[Places, Places]:
         """Where in the words of corners (c, 2) the vertex stands, and where, after two slashes, the normal, if any."""
         start, end = places.T
-        at = start.min(initial=len(self._content))
-        slashes = np.flatnonzero(self._text.bytes[at : end.max(initial=0)] == _SLASH) + at
+        slashes = np.flatnonzero(self._text.bytes[start[0] : end[-1]] == _SLASH) + start[0]
         if not len(slashes):
             return places, places[:, [1, 1]]
         following = np.searchsorted(slashes, start)
@@ -178,12 +183,11 @@ def _without_continuations(content: bytes) -> bytes:
     if b"\\" not in content:
         return content
     result, done = bytearray(content), 0
-    for end, next_start in itertools.chain(
-        (comment.span() for comment in _COMMENT.finditer(content)), [(len(content),) * 2]
-    ):
-        if content.find(b"\\", done, end) >= 0:
-            result[done:end] = _blanked(content[done:end])
-        done = next_start
+    comments = (comment.span() for comment in _COMMENT.finditer(content))
+    for start, end in itertools.chain(comments, [(len(content), len(content))]):
+        if content.find(b"\\", done, start) >= 0:
+            result[done:start] = _blanked(content[done:start])
+        done = end
     return bytes(result)
 
 

@@ -169,7 +169,7 @@ def _by_words(text: Text, head: _Head, first: Places) -> _Layout | None:
     n_words, more = len(text.places), False
     word = int(first[0]) + head.vertices * head.width
     vertices = np.arange(int(first[0]), word, head.width, dtype=first.dtype) if word <= n_words else first[:0]
-    lines, places = memoryview(first), memoryview(text.places.ravel())
+    lines, places = first.data, text.places.ravel().data
     line = bisect.bisect_left(lines, word)
     faces, sizes = array(first.dtype.char), array(first.dtype.char)
     while word < n_words and lines[line] == word and len(faces) < head.faces:

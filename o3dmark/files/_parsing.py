@@ -7,10 +7,11 @@ import open3d as o3d
 
 from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
+from o3dmark.files._words import mask
 from o3dmark.mesh.surface import TriangleMesh
 
 
-def fans(counts: Ints, *corners: AnyArray) -> list[Ints]:
+def fans(counts: AnyArray, *corners: AnyArray) -> list[Ints]:
     """Polygons as triangles about their first corners; none for fewer than three corners.
 
     counts (f,): how many corners each polygon has. For each array of corners (c,), of all polygons one after another,
@@ -18,15 +19,17 @@ def fans(counts: Ints, *corners: AnyArray) -> list[Ints]:
     """
     if (counts == 3).all():
         return [each.reshape(-1, 3).astype(np.int64) for each in corners]
-    first, triangles = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
-    second = ranges(first + 1, triangles)
-    first = np.repeat(first, triangles)
-    return [np.column_stack([each[first], each[second], each[second + 1]]).astype(np.int64) for each in corners]
-
-
-def ranges(starts: Ints, counts: Ints) -> Ints:
-    """The numbers start, start + 1, ..., start + count - 1 for each of starts and counts (k,), one after another."""
-    return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    first, triangles = np.cumsum(counts, dtype=np.int64) - counts, counts - 2
+    first, triangles = first[triangles > 0], triangles[triangles > 0]
+    second = mask(int(counts.sum(dtype=np.int64)), np.column_stack([first + 1, first + 1 + triangles]))
+    result = []
+    for each in corners:
+        fan = np.empty((triangles.sum(dtype=np.int64), 3), np.int64)
+        fan[:, 0] = np.repeat(each[first], triangles)
+        fan[:, 1] = each[second]
+        fan[:, 2] = each[1:][second[:-1]]
+        result.append(fan)
+    return result
 
 
 def check_corners(path: Path, corners: AnyArray, n_vertices: int) -> None:

@@ -1,18 +1,21 @@
 """Other words in the place of some words of a text, and every other byte as it is."""
 
+import re
 from typing import TypeAlias
 
 import numpy as np
 
 from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.files._text import EXACT, Notation
-from o3dmark.files._words import Places, Text, blocks, mask, only
+from o3dmark.files._words import Bytes, Places, Text, blocks, mask, only
 from o3dmark.files.asset import Part
 from o3dmark.mesh import geometry
 
 Edit: TypeAlias = tuple[Places, bytes]
 """Places (k, 2) of words, and a text of k words that are to stand there."""
 
+_PIECE = 1 << 20  # bytes that are edited together: little memory, which stays in the processor's cache
+_SPACE = re.compile(rb"[\x00- ]")
 _TURNED = 1e-12  # of a normal: what turning it by nothing may cost
 
 
@@ -37,22 +40,36 @@ def turned_rows(content: bytes, places: Places, before: Floats, after: Floats) -
 
 def spliced(content: bytes, *edits: Edit) -> bytes:
     """A text after some edits, no two of which have a place in common."""
-    edits = tuple(edit for edit in edits if len(edit[0]))
-    words = [Text(new) for _, new in edits]
-    growths = [_growth(places, text.places) for (places, _), text in zip(edits, words, strict=True)]
+    pieces, done = [], 0
+    words = [(places, np.frombuffer(new, np.uint8), Text(new).places) for places, new in edits if len(places)]
+    while done < len(content):
+        space = _SPACE.search(content, done + _PIECE)
+        start, done = done, space.start() if space else len(content)
+        here = []
+        for places, new, of_new in words:
+            first, last = np.searchsorted(places[:, 0], [start, done])
+            here.append((places[first:last] - start, new, of_new[first:last]))
+        pieces.append(_piece(np.frombuffer(content, np.uint8)[start:done], here))
+    return b"".join(pieces)
+
+
+def _piece(content: Bytes, edits: list[tuple[Places, Bytes, Places]]) -> bytes:
+    """A text with words (k,) of others, given by those and their places there (k, 2), at places (k, 2) of its own."""
+    growths = [_growth(old, new) for old, _, new in edits]
     result = np.empty(len(content) + sum(growth[-1] for growth in growths), np.uint8)
-    kept = np.ones(len(result), bool)
-    old = np.zeros(len(content), bool)
-    for (places, _), text in zip(edits, words, strict=True):
-        shifts = [
-            grown[np.searchsorted(other[:, 0], places[:, 0])] for (other, _), grown in zip(edits, growths, strict=True)
-        ]
-        start = places[:, 0] + sum(shifts)
-        new = mask(len(result), np.column_stack([start, start + text.places[:, 1] - text.places[:, 0]]))
-        result[new] = text.bytes[mask(len(text.bytes), text.places)]
-        kept &= ~new
-        old |= mask(len(content), places)
-    result[kept] = np.frombuffer(content, np.uint8)[~old]
+    kept, gone = np.ones(len(result), bool), np.zeros(len(content), bool)
+    for old, text, new in edits:
+        if not len(old):
+            continue
+        start = old[:, 0] + sum(
+            growth[np.searchsorted(other[:, 0], old[:, 0])]
+            for (other, _, _), growth in zip(edits, growths, strict=True)
+        )
+        here = mask(len(result), np.column_stack([start, start + new[:, 1] - new[:, 0]]))
+        result[here] = text[new[0, 0] : new[-1, 1]][mask(new[-1, 1] - new[0, 0], new - new[0, 0])]
+        kept &= ~here
+        gone |= mask(len(content), old)
+    result[kept] = content[~gone]
     return result.tobytes()
 
 
