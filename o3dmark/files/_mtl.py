@@ -9,6 +9,7 @@ from o3dmark.errors import MeshError
 from o3dmark.files.references import Source, inside
 
 _NUMBER = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?=\s)"
+_LONGEST = 8192  # bytes of a line
 _TEXTURE = re.compile(
     rb"\s*(?:map_(?!aat\s)\w+|bump|disp|decal|refl|norm)\s+"
     rb"(?:(?:-(?:blendu|blendv|boost|bm|cc|clamp|imfchan|texres|type)\s+\S+|-mm\s+\S+\s+\S+"
@@ -18,30 +19,30 @@ _TEXTURE = re.compile(
 )
 
 
-def libraries(source: Source, lines: Iterable[bytes]) -> tuple[str, ...]:
+def libraries(source: Source, lines: Iterable[bytes]) -> list[str]:
     """The files that lines of mtllib name, given without that word: several each, or one with spaces in its name."""
-    return tuple(dict.fromkeys(name for line in dict.fromkeys(lines) for name in _libraries(source, line)))
+    return list(dict.fromkeys(name for line in dict.fromkeys(lines) for name in _libraries(source, line)))
 
 
-def textures(source: Source, libraries: Iterable[str]) -> tuple[str, ...]:
+def textures(source: Source, libraries: Iterable[str]) -> list[str]:
     """The files that those libraries name that are there; relative to the folder of the OBJ file."""
-    found = (_place(source, library, name) for library in libraries for name in _textures(source, library))
-    return tuple(dict.fromkeys(found))
+    named = ((library, name) for library in libraries for name in dict.fromkeys(_textures(source, library)))
+    return list(dict.fromkeys(_place(source, library, name) for library, name in named))
 
 
-def _libraries(source: Source, line: bytes) -> list[str]:
-    line, without_comment = _name(line), _name(line.split(b" #", 1)[0].rstrip())
+def _libraries(source: Source, text: bytes) -> Iterator[str]:
+    line, without_comment = _name(text), _name(text.split(b" #", 1)[0].rstrip())
     for whole in (line, without_comment):
         if _is_there(source, whole):
-            return [whole]
-    names: list[str] = []
+            yield whole
+            return
     words: list[str] = []
-    for word in without_comment.split():
-        words.append(word)
-        if word.lower().endswith(".mtl"):
-            names.append(" ".join(words))
+    for word in re.finditer(r"\S+", without_comment):
+        words.append(word[0])
+        if word[0].lower().endswith(".mtl"):
+            yield " ".join(words)
             words.clear()
-    return names + words
+    yield from words
 
 
 def _textures(source: Source, library: str) -> Iterator[str]:
@@ -51,7 +52,7 @@ def _textures(source: Source, library: str) -> Iterator[str]:
     except OSError:
         return
     for line in lines:
-        found = _TEXTURE.match(line)
+        found = _TEXTURE.match(line[:_LONGEST])
         if found and found["name"].strip():
             yield _name(found["name"].strip())
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.files._changes import differs
-from o3dmark.files._text import EXACT, Edit, Notation, Places, only
+from o3dmark.files._splicing import Edit
+from o3dmark.files._text import EXACT, Notation
+from o3dmark.files._words import Places, only
 from o3dmark.mesh import geometry
 
 _IS_GAP = np.isin(np.arange(256), list(b" \t\n\v\f\r"))

@@ -5,28 +5,34 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
+from o3dmark.files._words import mask
 from o3dmark.mesh.surface import TriangleMesh
 
 
-def ranges(starts: Ints, counts: Ints) -> Ints:
-    """The numbers start, start + 1, ..., start + count - 1 for each of starts and counts (k,), one after another."""
-    return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+def fans(counts: AnyArray, *corners: AnyArray) -> list[Ints]:
+    """Polygons as triangles about their first corners; none for fewer than three corners.
 
-
-def fans(counts: Ints) -> Ints:
-    """Polygons as triangles about their first corners (m, 3); none for fewer than three corners.
-
-    counts (f,): how many corners each polygon has. The triangles name corners by their place among those of all
-    polygons, one after another.
+    counts (f,): how many corners each polygon has. For each array of corners (c,), of all polygons one after another,
+    those of the triangles (m, 3).
     """
-    first, triangles = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
-    second = ranges(first + 1, triangles)
-    return np.column_stack([np.repeat(first, triangles), second, second + 1])
+    if (counts == 3).all():
+        return [each.reshape(-1, 3).astype(np.int64) for each in corners]
+    first, triangles = np.cumsum(counts, dtype=np.int64) - counts, counts - 2
+    first, triangles = first[triangles > 0], triangles[triangles > 0]
+    second = mask(int(counts.sum(dtype=np.int64)), np.column_stack([first + 1, first + 1 + triangles]))
+    result = []
+    for each in corners:
+        fan = np.empty((triangles.sum(dtype=np.int64), 3), np.int64)
+        fan[:, 0] = np.repeat(each[first], triangles)
+        fan[:, 1] = each[second]
+        fan[:, 2] = each[1:][second[:-1]]
+        result.append(fan)
+    return result
 
 
-def check_corners(path: Path, corners: Ints, n_vertices: int) -> None:
+def check_corners(path: Path, corners: AnyArray, n_vertices: int) -> None:
     """Errors: MeshError for a corner (c,) that is no vertex."""
     if len(corners) and not (corners.min() >= 0 and corners.max() < n_vertices):
         raise MeshError(f"{path.name}: a face names a vertex that is not among its {n_vertices} vertices")

@@ -5,10 +5,12 @@ import numpy as np
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files._changes import differs
+from o3dmark.files._numbers import Numbers, extent_of
 from o3dmark.files._ply_header import Property
 from o3dmark.files._ply_rows import Rows
-from o3dmark.files._text import Edit, Notation, Places
-from o3dmark.files._numbers import Numbers, extent_of
+from o3dmark.files._splicing import Edit
+from o3dmark.files._text import Notation
+from o3dmark.files._words import Places
 from o3dmark.files.asset import float_steps
 
 

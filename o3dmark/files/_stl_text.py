@@ -7,8 +7,10 @@ import numpy as np
 
 from o3dmark.arrays import Bools, Floats
 from o3dmark.errors import MeshError
-from o3dmark.files._text import Places, floats, only, spliced, where
 from o3dmark.files._numbers import Numbers, equal, extent_of, words
+from o3dmark.files._splicing import spliced
+from o3dmark.files._text import floats
+from o3dmark.files._words import Places, only, where
 
 _BOM = b"\xef\xbb\xbf"
 _IS_SOLID = re.compile(rb"(?:%b)?\s*solid(?!\S)" % _BOM, re.I)

@@ -13,7 +13,7 @@ from o3dmark.errors import MeshError
 from o3dmark.files import _mtl, _open3d
 from o3dmark.files._obj_text import ObjText
 from o3dmark.files._parsing import fans, set_colours
-from o3dmark.files._text import moved_rows, spliced, turned_rows
+from o3dmark.files._splicing import moved_rows, spliced, turned_rows
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.references import Source, inside
 from o3dmark.mesh.normals import turned
@@ -33,14 +33,16 @@ class Obj(Asset):
         self._places, positions = text.vertices()
         self._normal_places, self._normals = text.normals()
         self._colours = text.colours()
-        faces = text.faces()
-        corners = fans(faces.counts)
-        self._used = None if faces.normals is None else faces.normals[corners]
-        self.parts = (Part(self.name, positions, faces.vertices[corners]),)
-        libraries = _mtl.libraries(source, text.rests(b"mtllib"))
+        self._contents = text.kinds()
+        libraries = _mtl.libraries(source, text.libraries())
+        counts, corners = text.faces()
+        del text  # what follows takes the memory that this took
+        triangles, *used = fans(counts, *corners)
+        self._used = used[0] if used else None
+        self.parts = (Part(self.name, positions, triangles),)
         textures = _mtl.textures(source, libraries)
         self.references = tuple(dict.fromkeys(libraries + textures))
-        self._contents = text.kinds() | ({"textures"} if textures else set())
+        self._contents |= {"textures"} if textures else set()
 
     @property
     def contents(self) -> frozenset[str]:

@@ -11,7 +11,7 @@ import open3d as o3d
 
 from o3dmark.files import _off_text, _open3d
 from o3dmark.files._parsing import fans, set_colours
-from o3dmark.files._text import moved_rows, spliced, turned_rows
+from o3dmark.files._splicing import moved_rows, spliced, turned_rows
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.references import Source
 from o3dmark.mesh.normals import turned
@@ -28,7 +28,7 @@ class Off(Asset):
         self.source = source
         self._content = source.read()
         self._text = _off_text.parsed(source.path, self._content)
-        triangles = self._text.corners[fans(self._text.counts)]
+        (triangles,) = fans(self._text.counts, self._text.corners)
         self.parts = (Part(self.name, self._text.positions, triangles),)
 
     @property

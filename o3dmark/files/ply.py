@@ -7,13 +7,13 @@ import open3d as o3d
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
+from o3dmark.files._numbers import words
 from o3dmark.files._parsing import set_colours
 from o3dmark.files._ply_columns import Columns
 from o3dmark.files._ply_faces import polygons, strips
 from o3dmark.files._ply_header import Header
 from o3dmark.files._ply_rows import Body, Rows
-from o3dmark.files._text import spliced
-from o3dmark.files._numbers import words
+from o3dmark.files._splicing import spliced
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.references import Source
 from o3dmark.mesh.normals import turned
