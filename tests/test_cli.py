@@ -1,6 +1,5 @@
 """The command line: JSON contract, exit codes, secrets kept, nothing half written."""
 
-import json
 import os
 import stat
 import subprocess
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from fixtures.command_line import run
-from o3dmark.cli import app, main
+from o3dmark.cli import app
 from o3dmark.files import write_mesh
 from o3dmark.mesh.surface import TriangleMesh
 
