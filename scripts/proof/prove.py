@@ -5,6 +5,7 @@
 
 complaints   Khronos' validator has no complaint about a marked glTF that it had not about the original
 published    the mark is read from what gltfpack and gltf-transform make of a marked file
+compressed   a file that was compressed before it was marked is read by others, and the mark in what they make of it
 readers      trimesh and assimp read the original and the moved file alike, in every format
 pictures     three.js draws a textured, skinned, animated file before and after: docs/gltf_before_after.png
 
@@ -20,6 +21,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +50,8 @@ ROUTES: dict[str, tuple[str, ...]] = {  # what publishers do to a file: package,
         for kind in ("false", "quantize", "meshopt", "draco")
     },
 }
+COMPRESSED = ("gltfpack -cc", "gltf-transform optimize --compress draco")  # of ROUTES
+DECODED = "gltf-transform optimize --compress false"
 FEWEST = 1000  # vertices: smaller ones are moved as a mark would
 TIMES = (0.0, 0.8)  # seconds of the animation
 SHIFT = 1e-3  # of the diagonal: as large as a strong mark
@@ -80,18 +84,40 @@ def complaints(file: Path, folder: Path) -> Iterator[Row]:
 def published(file: Path, folder: Path) -> Iterator[Row]:
     """Whether the mark is read from what publishers' programs make of the marked file."""
     source = marked(file, folder)
-    for name, (package, command, *options) in ROUTES.items():
-        version = programs.node(package)
-        output = folder / f"{file.stem} {name}.glb".replace(" ", "_")
-        filled = [option.format(source=source, output=output) for option in options]
-        try:
-            programs.run(programs.script(package, command), *filled)
-            read, log10_p = extracted(output, folder)
-        except FailedError as failure:
-            yield Row("published", file.name, name, version, False, str(failure))
-            continue
-        size = f"{output.stat().st_size / source.stat().st_size:.2f} of its size"
-        yield Row("published", file.name, name, version, read == MESSAGE, f"{read!r} in {size}", log10_p)
+    for route in ROUTES:
+        yield attempt("published", file, route, partial(_read_after, source, route, folder))
+
+
+def compressed(file: Path, folder: Path) -> Iterator[Row]:
+    """Whether a file that was compressed, and then marked, is sound to the validator and to another decoder."""
+    for route in COMPRESSED:
+        small = sent(file, route, folder)
+        yield from complaints(small, folder)
+        source = marked(small, folder)
+        yield attempt("compressed", small, DECODED, partial(_read_after, source, DECODED, folder))
+
+
+def attempt(proof: str, file: Path, route: str, tried: Callable[[], tuple[bool, str, float | None]]) -> Row:
+    """The row of what was tried with a program of a route; one that failed where the program did."""
+    version = programs.node(ROUTES[route][0])
+    try:
+        return Row(proof, file.name, route, version, *tried())
+    except FailedError as failure:
+        return Row(proof, file.name, route, version, False, str(failure))
+
+
+def _read_after(source: Path, route: str, folder: Path) -> tuple[bool, str, float | None]:
+    output = sent(source, route, folder)
+    read, log10_p = extracted(output, folder)
+    return read == MESSAGE, f"{read!r} in {output.stat().st_size / source.stat().st_size:.2f} of its size", log10_p
+
+
+def sent(file: Path, route: str, folder: Path) -> Path:
+    """What the programs of a route make of a file. Errors: FailedError."""
+    package, command, *options = ROUTES[route]
+    output = folder / f"{file.stem} {route}.glb".replace(" ", "_")
+    programs.run(programs.script(package, command), *(word.format(source=file, output=output) for word in options))
+    return output
 
 
 def readers(file: Path, folder: Path) -> Iterator[Row]:
@@ -136,7 +162,7 @@ def pictures(file: Path, folder: Path) -> Iterator[Row]:
 
 
 PROOFS: dict[str, Callable[[Path, Path], Iterator[Row]]] = {
-    proof.__name__: proof for proof in (complaints, published, readers, pictures)
+    proof.__name__: proof for proof in (complaints, published, compressed, readers, pictures)
 }
 
 
@@ -190,7 +216,7 @@ def fits(proof: str, file: Path) -> bool:
         return proof == "readers"
     if proof == "pictures":
         return holds_a_mark(file) and "animations" in open_asset(file).contents
-    return proof != "published" or holds_a_mark(file)
+    return proof not in ("published", "compressed") or holds_a_mark(file)
 
 
 def holds_a_mark(file: Path) -> bool:
