@@ -30,10 +30,10 @@ from fixtures.convert_files import (
 from fixtures.threemf_files import archive, mesh, model
 from o3dmark.errors import BackendError, MeshError
 from o3dmark.files import ASSETS, open_asset
-from o3dmark.files._repack import packed
-from o3dmark.files._same_shape import same_shape
 from o3dmark.files.asset import KINDS, Asset, Part
-from o3dmark.files.convert import TARGETS, convert, dropped
+from o3dmark.files.conversion import TARGETS, convert, dropped
+from o3dmark.files.conversion.repack import packed
+from o3dmark.files.conversion.same_shape import same_shape
 from o3dmark.files.obj import Obj
 from o3dmark.files.references import Source
 
@@ -288,14 +288,14 @@ def test_unknown_endings_and_clouds_are_refused():
 
 def test_what_trimesh_reads_wrongly_goes_as_shape_alone(monkeypatch):
     """And where that is wrong too, the conversion is refused."""
-    from o3dmark.files import _scene
+    from o3dmark.files.conversion import scene
 
     def broken(*_, **__):
         raise KeyError("of trimesh")
 
-    monkeypatch.setattr(_scene, "loaded", broken)
+    monkeypatch.setattr(scene, "loaded", broken)
     assert "vertex colours" in converted(coloured_ply(), ".obj").dropped
-    module = importlib.import_module("o3dmark.files.convert")  # the package has a function of that name
+    module = importlib.import_module("o3dmark.files.conversion")  # the package has a function of that name
     monkeypatch.setitem(module._PLAIN, ".stl", lambda _: stl()["a.stl"])
     with pytest.raises(BackendError, match="triangles"):
         converted(SOURCES["GLB of nodes"], ".stl")

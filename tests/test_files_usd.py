@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from fixtures.usd_files import CUBE, POINTS, crate, offsets, package, tetra, without_arrays
 from o3dmark.errors import MeshError
-from o3dmark.files import _usd_text, convert, open_asset
+from o3dmark.files import convert, open_asset
 from o3dmark.files.references import Source
 from o3dmark.files.usd import Usd
+from o3dmark.files.usd import text as usd_text
 
 try:
     import pxr  # noqa: F401
@@ -257,16 +258,16 @@ def test_without_the_library_the_package_is_named(monkeypatch):
 def test_arrays_are_found_by_the_paths_of_attributes():
     """Not in strings, comments, metadata or dictionaries; None where a path is there twice."""
     text = CUBE.encode()
-    found = _usd_text.arrays("a.usda", text)
+    found = usd_text.arrays("a.usda", text)
     span = found["/World/Box.points"]
-    np.testing.assert_array_equal(_usd_text.numbers(text, span)[:6], [0, 0, 0, 2, 0, 0])
+    np.testing.assert_array_equal(usd_text.numbers(text, span)[:6], [0, 0, 0, 2, 0, 0])
     assert not [path for path in found if path.startswith(("/No", "/World/Look"))]
     twice = tetra(points=f"{POINTS}\n{POINTS}").encode()
-    assert _usd_text.arrays("a.usda", twice)["/T.points"] is None
+    assert usd_text.arrays("a.usda", twice)["/T.points"] is None
     with pytest.raises(MeshError, match="deep"):
-        _usd_text.arrays("a.usda", b'def "a" {' * 300)
+        usd_text.arrays("a.usda", b'def "a" {' * 300)
     with pytest.raises(MeshError, match="never closed"):
-        _usd_text.arrays("a.usda", b"((" * 9)
+        usd_text.arrays("a.usda", b"((" * 9)
 
 
 @settings(max_examples=50, deadline=None)
@@ -278,9 +279,9 @@ def test_numbers_in_text_read_back_as_float32(before, after):
     text = ("points = [" + ", ".join(map(repr, before)) + "]").encode()
     span = 10, len(text) - 1
     before, after = np.array(before, np.float32), np.array(after, np.float32)
-    np.testing.assert_array_equal(_usd_text.numbers(text, span).astype(np.float32), before)
-    new = _usd_text.with_numbers(text, {span: (before, after)})
-    np.testing.assert_array_equal(_usd_text.numbers(new, (10, len(new) - 1)).astype(np.float32), after)
+    np.testing.assert_array_equal(usd_text.numbers(text, span).astype(np.float32), before)
+    new = usd_text.with_numbers(text, {span: (before, after)})
+    np.testing.assert_array_equal(usd_text.numbers(new, (10, len(new) - 1)).astype(np.float32), after)
 
 
 @needs_library

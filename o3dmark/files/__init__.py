@@ -15,7 +15,7 @@ import numpy as np
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d, obj, off
 from o3dmark.files.asset import KINDS, Asset, Part
-from o3dmark.files.convert import TARGETS, convert
+from o3dmark.files.conversion import TARGETS, convert
 from o3dmark.files.gltf import Gltf
 from o3dmark.files.obj import Obj
 from o3dmark.files.off import Off
