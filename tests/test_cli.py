@@ -1,6 +1,5 @@
 """The command line: JSON contract, exit codes, secrets kept, nothing half written."""
 
-import json
 import os
 import stat
 import subprocess
@@ -11,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from o3dmark.cli import app, main
+from fixtures.command_line import run
+from o3dmark.cli import app
 from o3dmark.files import write_mesh
 from o3dmark.mesh.surface import TriangleMesh
 
@@ -30,17 +30,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, carrier: Any) -> Path:
     write_mesh(path / "cover.ply", cover)
     write_mesh(path / "marked.ply", Watermark().embed(cover, MESSAGE, key))
     return path
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, Any, str]:
-    """Exit code, parsed stdout (None where it is no JSON) and stderr of a command."""
-    with pytest.raises(SystemExit) as leave:
-        main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    try:
-        return int(leave.value.code or 0), json.loads(out), err
-    except json.JSONDecodeError:
-        return int(leave.value.code or 0), None, err
 
 
 def test_keygen_makes_a_private_key_and_keeps_an_old_one(tmp_path: Path, capsys: Any) -> None:

@@ -1,7 +1,9 @@
 """Conversions: the same triangles in every format, and nothing that is dropped goes unsaid."""
 
+import importlib
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -27,20 +29,14 @@ from fixtures.convert_files import (
 )
 from fixtures.threemf_files import archive, mesh, model
 from o3dmark.errors import BackendError, MeshError
-from o3dmark.files import convert as module
-from o3dmark.files._repack import packed
-from o3dmark.files._same_shape import same_shape
+from o3dmark.files import ASSETS, open_asset
 from o3dmark.files.asset import KINDS, Asset, Part
-from o3dmark.files.convert import TARGETS, convert, dropped
-from o3dmark.files.gltf import Gltf
+from o3dmark.files.conversion import TARGETS, convert, dropped
+from o3dmark.files.conversion.repack import packed
+from o3dmark.files.conversion.same_shape import same_shape
 from o3dmark.files.obj import Obj
-from o3dmark.files.off import Off
-from o3dmark.files.ply import Ply
 from o3dmark.files.references import Source
-from o3dmark.files.stl import Stl
-from o3dmark.files.threemf import ThreeMf
 
-CLASSES = {".ply": Ply, ".obj": Obj, ".off": Off, ".stl": Stl, ".glb": Gltf, ".gltf": Gltf, ".3mf": ThreeMf}
 PNG, JPEG = picture("PNG"), picture("JPEG", (10, 90, 200))
 UV = np.array([[0.25, 0.5], [1, 0], [1, 1], [0, 1]] * 2, np.float32)
 TURNED = [{"children": [1], "rotation": [0, 0, 0.6, 0.8]}, {"mesh": 0, "scale": [-1, 2, 1], "translation": [5, 6, 7]}]
@@ -66,16 +62,12 @@ SOURCES = {
 }
 
 
-def opened(source):
-    return CLASSES[source.path.suffix.lower()](source)
-
-
 def asset_of(files):
-    return opened(Source(Path(next(iter(files))), files))
+    return open_asset(Source(Path(next(iter(files))), files))
 
 
 def converted(files, suffix):
-    return convert(asset_of(files), Path(f"out{suffix}"), opened)
+    return convert(asset_of(files), Path(f"out{suffix}"), open_asset)
 
 
 def all_corners(asset):
@@ -95,7 +87,7 @@ def test_shapes_arrive_and_losses_are_said(files, suffix):
     before = asset_of(files)
     if before.path.suffix == suffix:
         return
-    done = convert(before, Path(f"out{suffix}"), opened)
+    done = convert(before, Path(f"out{suffix}"), open_asset)
     assert f"out{suffix}" in done.files
     wanted = all_corners(before)
     np.testing.assert_allclose(all_corners(done.asset), wanted, rtol=0, atol=1e-5)
@@ -193,6 +185,29 @@ def test_a_conversion_that_would_lose_textures_is_refused(suffix):
     assert "textures" in converted(files, ".stl").dropped
 
 
+def test_pictures_without_coordinates_are_dropped_and_said():
+    """Nothing says how they lie on the mesh, so that no program draws them."""
+    obj = re.sub(rb"/\d", b"", re.sub(rb"vt .*\n", b"", textured_obj()["box.obj"]))
+    done = converted({**textured_obj(), "box.obj": obj, "a.png": PNG, "b.jpg": JPEG}, ".glb")
+    assert "textures" in done.dropped
+    assert "images" not in tree_of(done.files)[0]
+
+
+def test_an_obj_textured_in_part_keeps_its_textures():
+    """Whatever form corners without texture coordinates have."""
+    files = {**textured_obj(), "a.png": PNG, "b.jpg": JPEG}
+    lines = files["box.obj"].split(b"\n")
+    faces = [number for number, line in enumerate(lines) if line.startswith(b"f ")]
+    lines[faces[0]] = re.sub(rb"/\d", b"", lines[faces[0]])
+    lines[faces[4]] = re.sub(rb"/\d", b"//1", lines[faces[4]])
+    files["box.obj"] = b"vn 0 0 1\n" + b"\n".join(lines)
+    tree, content = tree_of(converted(files, ".glb").files)
+    assert len(tree["images"]) == 2
+    for primitive in tree["meshes"][0]["primitives"]:
+        uv = floats_of(tree, content, primitive["attributes"]["TEXCOORD_0"])
+        assert {tuple(row) for row in uv.tolist()} == {(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)}
+
+
 def test_maps_that_have_no_counterpart_are_named():
     files = {**textured_obj(extra="map_Bump b.jpg\n"), "a.png": PNG, "b.jpg": JPEG}
     assert "texture map_Bump" in converted(files, ".glb").dropped
@@ -204,14 +219,14 @@ def test_pictures_outside_of_the_folder_are_refused(tmp_path):
     for name, content in {**textured_obj(maps=("../secret.png", "b.jpg")), "b.jpg": JPEG}.items():
         (tmp_path / "in" / name).write_bytes(content)
     with pytest.raises(MeshError, match="leaves its folder"):
-        convert(Obj(Source(tmp_path / "in" / "box.obj")), Path("out.glb"), opened)
+        convert(Obj(Source(tmp_path / "in" / "box.obj")), Path("out.glb"), open_asset)
 
 
 def test_there_and_back_glb_and_gltf_lose_nothing():
     files = SOURCES["GLB of textures"]
     there = converted(files, ".gltf")
     assert there.dropped == ()
-    back = convert(asset_of({"out.gltf": there.files["out.gltf"], **there.files}), Path("a.glb"), opened)
+    back = convert(asset_of({"out.gltf": there.files["out.gltf"], **there.files}), Path("a.glb"), open_asset)
     (tree, content), (again, content_again) = tree_of(files), tree_of(back.files)
     assert tree == again
     assert content.rstrip(b"\0") == content_again.rstrip(b"\0")
@@ -273,13 +288,14 @@ def test_unknown_endings_and_clouds_are_refused():
 
 def test_what_trimesh_reads_wrongly_goes_as_shape_alone(monkeypatch):
     """And where that is wrong too, the conversion is refused."""
-    from o3dmark.files import _scene
+    from o3dmark.files.conversion import scene
 
     def broken(*_, **__):
         raise KeyError("of trimesh")
 
-    monkeypatch.setattr(_scene, "loaded", broken)
+    monkeypatch.setattr(scene, "loaded", broken)
     assert "vertex colours" in converted(coloured_ply(), ".obj").dropped
+    module = importlib.import_module("o3dmark.files.conversion")  # the package has a function of that name
     monkeypatch.setitem(module._PLAIN, ".stl", lambda _: stl()["a.stl"])
     with pytest.raises(BackendError, match="triangles"):
         converted(SOURCES["GLB of nodes"], ".stl")
@@ -313,14 +329,14 @@ def test_order_is_no_matter_to_a_shape(order, turns):
 def test_every_case_converts(shared):
     """Into every format, but where the reason is clear; nothing that is dropped goes unsaid."""
     for path in sorted(shared("cases").rglob("*")):
-        if path.suffix not in CLASSES:
+        if path.suffix not in ASSETS:
             continue
-        before = opened(Source(path))
+        before = open_asset(Source(path))
         for suffix in TARGETS:
             if suffix == path.suffix:
                 continue
             try:
-                done = convert(before, Path(f"out{suffix}"), opened)
+                done = convert(before, Path(f"out{suffix}"), open_asset)
             except MeshError as error:
                 assert "x.mtl" in str(error) or "no triangle" in str(error)  # noqa: PT017
                 continue

@@ -117,7 +117,7 @@ def test_a_file_that_appears_meanwhile_is_left_and_nothing_else_stays(home: Path
     plan = destination(asset(home), home / "marked.list")
     (home / "marked.list").write_text("somebody's")
     before = contents(home)
-    with pytest.raises(SpecError, match="appeared meanwhile"):
+    with pytest.raises(SpecError, match="is there by now"):
         plan.write({"marked.list": b"new", "marked.bin": b"moved"})
     assert contents(home) == before
 

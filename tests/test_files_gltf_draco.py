@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from fixtures.gltf_files import BUMPY, Case, bumpy, glb, waved
 from fixtures.gltf_packed import draco, of_stream
 from o3dmark.errors import MeshError
-from o3dmark.files import _draco_codec as codec
-from o3dmark.files._draco_grid import bits_for, step_of
 from o3dmark.files.gltf import Gltf
+from o3dmark.files.gltf import draco_codec as codec
+from o3dmark.files.gltf.draco_grid import bits_for, step_of
 
 DracoPy = pytest.importorskip("DracoPy")
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from fixtures.gltf_files import BUMPY, Case, waved
 from fixtures.gltf_packed import EXTENT, MeshoptBuilder, meshopt, octahedral
 from o3dmark.errors import MeshError
-from o3dmark.files import _meshopt_codec as codec
 from o3dmark.files.asset import float_steps
 from o3dmark.files.gltf import Gltf
+from o3dmark.files.gltf import meshopt_codec as codec
 
 pytest.importorskip("meshoptimizer")
 

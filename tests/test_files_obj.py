@@ -109,7 +109,6 @@ BAD_OBJ = {
     "points": (obj(), "4 vertices and no triangle"),
     "two coordinates": (obj("0 0\n1 0\n0 1\n", "f 1 2 3\n"), "not 3 numbers"),
     "a word": (obj("0 0 here\n1 0 0\n0 1 0\n", "f 1 2 3\n"), "not 3 numbers"),
-    "uneven": (obj("0 0 0\n1 0 0 1 1 1\n0 1 0\n", "f 1 2 3\n"), "not 6 numbers"),
     "corner a word": (obj(faces="f 1 2 three\n"), "line 5"),
     "corner zero": (obj(faces="f 0 1 2\nv 0 0 1\n"), "line 5"),
     "corner beyond": (obj(faces="f 1 2 5\n"), "4 vertices"),

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from o3dmark.errors import MeshError
-from o3dmark.files._json_fields import Fields
-from o3dmark.files._json_spans import JsonSpans, loads, replaced
+from o3dmark.files.gltf.json_fields import Fields
+from o3dmark.files.gltf.json_spans import JsonSpans, loads, replaced
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False) | st.integers() | st.text(max_size=5),

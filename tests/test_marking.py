@@ -134,7 +134,8 @@ def test_a_print_plate_is_read_by_its_pieces_and_charged_for_all_views(spot_arra
     vertices, triangles = spot_arrays
     marked = MARK.embed(triangle_mesh(vertices, triangles), "me", key)
     alone = MARK.extract(marked, key)
-    both = np.vstack([np.asarray(marked.vertices), np.asarray(marked.vertices) + [9.0, 0, 0]])
+    moved = np.asarray(marked.vertices) + np.array([9.0, 0, 0])
+    both = np.vstack([np.asarray(marked.vertices), moved])
     plate = triangle_mesh(both, np.vstack([triangles, triangles + len(vertices)]))
     found = marking.extract(plate, MARK, key)
     assert (found.reading.message, found.part) == ("me", "piece 1, by area")

@@ -1,15 +1,18 @@
 """Method and code together: what an owner embeds, a reader with the same key and profile reads, and nobody else."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import open3d as o3d
 import pytest
 
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.coding.payload import CODES
 from o3dmark.errors import CapacityError, MeshError, SpecError
+from o3dmark.files import read_mesh, write_mesh
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
 from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
@@ -157,3 +160,22 @@ def test_bits_as_text() -> None:
             parse_bits(wrong)
     with pytest.raises(SpecError):
         Watermark(n_bits=0)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_tensors_come_back_in_their_precision(spot: TriangleMesh, key: Key, tmp_path: Path, dtype: type) -> None:
+    """A tensor mesh is marked, written and read; so is a tensor cloud of its surface."""
+    vertices, triangles = mesh_arrays(spot)
+    tensor = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(vertices.astype(dtype)), o3d.core.Tensor(triangles))
+    mark = Watermark(n_bits=43)
+    marked = mark.embed(tensor, "me", key)
+    assert isinstance(marked, o3d.t.geometry.TriangleMesh)
+    assert marked.vertex.positions.numpy().dtype == dtype
+    assert mark.extract(marked, key).message == "me"
+    assert mark.detect(marked, key, "me").present
+    write_mesh(tmp_path / "marked.ply", marked)
+    np.testing.assert_array_equal(read_mesh(tmp_path / "marked.ply").vertices, marked.vertex.positions.numpy())
+    o3d.utility.random.seed(0)
+    cloud = marked.to_legacy().compute_vertex_normals().sample_points_uniformly(40_000)
+    points = o3d.t.geometry.PointCloud.from_legacy(cloud, o3d.core.Dtype.Float32)
+    assert mark.extract(points, key).message == "me"

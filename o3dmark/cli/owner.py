@@ -3,7 +3,7 @@
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -68,7 +68,7 @@ def embed(
         raise
     if marked.verified:
         target.write(marked.files)
-    report = {"output": str(output) if marked.verified else None, "profile": _profile(method, profile)}
+    report: dict[str, Any] = {"output": str(output) if marked.verified else None, "profile": _profile(method, profile)}
     report |= mark.to_dict() | {"message": message, "bits": bits, "verified": marked.verified}
     report |= _cost(marked) | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
     report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}

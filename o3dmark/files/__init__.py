@@ -15,7 +15,7 @@ import numpy as np
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d, obj, off
 from o3dmark.files.asset import KINDS, Asset, Part
-from o3dmark.files.convert import convert, dropped
+from o3dmark.files.conversion import TARGETS, convert
 from o3dmark.files.gltf import Gltf
 from o3dmark.files.obj import Obj
 from o3dmark.files.off import Off
@@ -63,10 +63,10 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
     Errors: MeshError when the file is missing, of another kind, damaged, or holds no triangle.
     """
-    mesh = open_asset(path).mesh()
+    asset = open_asset(path)
+    mesh = asset.mesh()
     if not mesh.has_triangles():
-        what = f"{len(mesh.vertices)} vertices and no triangle" if mesh.has_vertices() else "no mesh"
-        raise MeshError(f"{Path(path).name} holds {what}")
+        raise _without_triangles(asset)
     return mesh
 
 
@@ -98,13 +98,18 @@ def open_shape(path: str | Path) -> Asset | PointCloud:
         return asset
     if suffix in CLOUDS:
         return read_points(path)
-    raise MeshError(f"{path.name} holds no triangle")
+    raise _without_triangles(asset)
 
 
 def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
     """The mesh in a file, or its points where it has no triangle. Errors: MeshError as in `read_mesh`."""
     shape = open_shape(path)
     return shape.mesh() if isinstance(shape, Asset) else shape
+
+
+def _without_triangles(asset: Asset) -> MeshError:
+    count = sum(len(part.vertices) for part in asset.parts)
+    return MeshError(f"{asset.name} holds " + (f"{count} vertices and no triangle" if count else "no mesh"))
 
 
 def write_mesh(path: str | Path, mesh: object) -> None:
@@ -136,6 +141,7 @@ __all__ = [
     "CLOUDS",
     "FORMATS",
     "KINDS",
+    "TARGETS",
     "Asset",
     "Destination",
     "Part",
@@ -143,7 +149,6 @@ __all__ = [
     "check_free",
     "convert",
     "destination",
-    "dropped",
     "open_asset",
     "open_shape",
     "read_mesh",

@@ -159,10 +159,10 @@ def _place(draft: Path, target: Path, *, may_replace: bool) -> None:
     try:
         os.link(draft, target)  # unlike a renaming, this never takes the place of a file
     except FileExistsError:
-        raise SpecError(f"{target.name} appeared meanwhile, and is left as it is") from None
+        raise SpecError(f"{target.name} is there by now, and is left as it is") from None
     except OSError:  # a file system without links
         if os.path.lexists(target):
-            raise SpecError(f"{target.name} appeared meanwhile, and is left as it is") from None
+            raise SpecError(f"{target.name} is there by now, and is left as it is") from None
         os.replace(draft, target)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from o3dmark.arrays import Floats
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
-from o3dmark.files import Asset, Part, Source, convert, dropped, open_asset
+from o3dmark.files import Asset, Part, Source, convert, open_asset
 from o3dmark.marking.views import views
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import TriangleMesh, check_precision, mesh_arrays, triangle_mesh
@@ -138,13 +138,12 @@ def _named(marked: Marked, name: str, mark: _Mark) -> Marked:
     if suffix == asset.path.suffix.lower():
         files = {name if each == asset.name else each: content for each, content in marked.files.items()}
         return replace(marked, files=files)
-    files = convert(Source(asset.path, marked.files), name)
-    written = open_asset(Source(asset.path.with_name(name), files))
-    reads = any(mark.reads(Part("", *mesh_arrays(view.shape)), marked.parts[0]) for view in views(written))
-    if not reads:
+    written = open_asset(Source(asset.path, marked.files))
+    done = convert(written, asset.path.with_name(name), open_asset)
+    if not any(mark.reads(Part("", *mesh_arrays(view.shape)), marked.parts[0]) for view in views(done.asset)):
         why = f"the mark cannot be read back after the conversion to {suffix}"
         return Marked(asset, {}, {}, (*marked.left, *(Left(part.name, why) for part in marked.parts)))
-    return replace(marked, files=files, dropped=dropped(asset, written))
+    return replace(marked, files=done.files, dropped=done.dropped)
 
 
 def _refusal(asset: Asset, errors: Mapping[int, MeshError]) -> MeshError:

@@ -200,9 +200,10 @@ def _tensor_with(mesh: Any, before: Floats, after: Floats, triangles: Ints) -> A
     return marked
 
 
-def float_steps(values: Floats, dtype: type[np.floating[Any]] = np.float32) -> Floats:
+def float_steps(values: Floats, dtype: np.dtype[Any] | type[np.floating[Any]] = np.float32) -> Floats:
     """How far apart numbers of a floating type are at the magnitudes of values (n, 3), read-only."""
-    steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of the largest number, and of what is none
+        steps = np.spacing(np.abs(values).astype(dtype)).astype(np.float64)
     steps.setflags(write=False)
     return steps
 

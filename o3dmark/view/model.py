@@ -36,7 +36,7 @@ class Model:
     def of(cls, shape: Shape, scalars: Floats | None, centre: Floats, to_camera: Floats) -> "Model":
         """``shape`` with ``centre`` moved to the origin and then multiplied by ``to_camera`` (3, 3), from the right."""
         points = (positions(shape) - centre) @ to_camera
-        if is_cloud(shape):
+        if not isinstance(shape, Surface):
             facing = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
             return _splats(points, np.asarray(shape.normals) @ to_camera if shape.has_normals() else facing, scalars)
         normals = corner_normals(points, shape.triangles)
@@ -64,12 +64,12 @@ def shape_of(mesh: Any) -> Shape:
 
 def positions(shape: Shape) -> Floats:
     """Points or vertices (n, 3)."""
-    return np.asarray(shape.points) if is_cloud(shape) else shape.vertices
+    return shape.vertices if isinstance(shape, Surface) else np.asarray(shape.points)
 
 
 def n_vertices(shape: Shape) -> int:
     """Points, or vertices of the mesh that ``shape`` is the surface of: the scalars that it wants."""
-    return len(shape.points) if is_cloud(shape) else len(shape.vertex_map)
+    return len(shape.vertex_map) if isinstance(shape, Surface) else len(shape.points)
 
 
 def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:
