@@ -135,8 +135,10 @@ def gltf() -> list[bytes]:
 
 def _gltf_cases() -> list[Any]:
     from fixtures.gltf_files import CASES
+    from fixtures.gltf_packed import draco, meshopt, quantised
 
-    return [make() for make in CASES.values()]
+    packed = [draco(), meshopt(), quantised("u2", normalized=True, stride=8), quantised("i1")]
+    return [*(make() for make in CASES.values()), *packed]
 
 
 def _inlined(name: str, files: dict[str, bytes]) -> bytes:
@@ -152,6 +154,24 @@ def three_mf() -> list[bytes]:
     from fixtures.threemf_files import archive
 
     return [archive(), archive(compression=zipfile.ZIP_STORED), archive(streamed=True), *kept(".3mf")]
+
+
+def usda() -> list[bytes]:
+    from fixtures.usd_files import CUBE, tetra
+
+    return [text.encode() for text in (CUBE, tetra())]
+
+
+def usdc() -> list[bytes]:
+    from fixtures.usd_files import CUBE, crate, tetra
+
+    return [crate(text) for text in (CUBE, tetra())]
+
+
+def usdz() -> list[bytes]:
+    from fixtures.usd_files import crate, package, tetra
+
+    return [package({"a.usda": tetra().encode()}), package({"a.usdc": crate(tetra()), "b.txt": b"more"})]
 
 
 def three_mf_model() -> list[bytes]:
@@ -191,4 +211,7 @@ TARGETS = {
     "gltf": Target(".gltf", gltf),
     "3mf": Target(".3mf", three_mf),
     "3mf-model": Target(".3mf", three_mf_model, zipped),
+    "usda": Target(".usda", usda),
+    "usdc": Target(".usdc", usdc),
+    "usdz": Target(".usdz", usdz),
 }
