@@ -38,7 +38,7 @@ class Target:
         _ = asset.contents, asset.mesh()
         if asset.with_positions({}) != {path.name: content}:
             raise WrongError("not the bytes that were read")
-        moved = {number: waved(part.vertices) for number, part in enumerate(asset.parts) if not part.fixed}
+        moved = {number: waved(part) for number, part in enumerate(asset.parts) if not part.fixed}
         files = asset.with_positions(moved)
         try:
             written = open_asset(Source(path, files))
@@ -47,14 +47,17 @@ class Target:
         compare(asset.parts, written.parts, moved)
 
 
-def waved(vertices: Any) -> Any:
-    """Vertices (n, 3), smoothly moved within their box; as they are where they are not finite, or too far."""
-    if not len(vertices) or not (np.abs(vertices) < FAR).all():
-        return vertices
-    centre = vertices.min(axis=0) + np.ptp(vertices, axis=0) / 2
-    extent = float(np.linalg.norm(np.ptp(vertices, axis=0))) or 1.0
-    inward = SHIFT * (1.0 + np.sin(5.0 * (vertices[:, [1, 2, 0]] - centre) / extent))
-    return vertices - inward * (vertices - centre)
+def waved(part: Any) -> Any:
+    """The vertices (n, 3) of a part, its corners smoothly moved within their box; unless they are too far, or none."""
+    corners = np.unique(part.triangles)
+    if not len(corners) or not (np.abs(part.vertices) < FAR).all():
+        return part.vertices
+    moved, here = part.vertices.copy(), part.vertices[corners]
+    sides = np.ptp(here, axis=0)
+    centre, extent = here.min(axis=0) + sides / 2, float(np.linalg.norm(sides)) or 1.0
+    inward = SHIFT * (1.0 + np.sin(5.0 * (here[:, [1, 2, 0]] - centre) / extent))
+    moved[corners] -= inward * (here - centre)
+    return moved
 
 
 def compare(before: Any, after: Any, moved: Any) -> None:
@@ -69,7 +72,7 @@ def compare(before: Any, after: Any, moved: Any) -> None:
         if not len(corners) or not (np.abs(wanted) < FAR).all():
             continue
         extent = np.linalg.norm(np.ptp(wanted[corners], axis=0)) + 1e-9 * np.abs(wanted).max()
-        allowed = np.broadcast_to(was.steps, wanted.shape)[corners] + 1e-6 * extent
+        allowed = np.broadcast_to(was.steps, wanted.shape)[corners] + 1e-6 * extent  # digits, or float32
         if not (np.abs(now.vertices - wanted)[corners] <= allowed).all():
             raise WrongError("other positions")
 

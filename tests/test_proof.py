@@ -107,7 +107,7 @@ def test_a_marked_file_is_valid_and_is_read_from_what_publishers_write(
 ) -> None:
     file = model(name)
     rows(prove, "complaints", file, tmp_path / "here")
-    assert len(rows(prove, "published", file, tmp_path / "here")) == len(prove.ROUTES)
+    assert len(rows(prove, "published", file, tmp_path / "here")) == len(prove.PUBLISHED)
 
 
 @pytest.mark.slow
@@ -124,6 +124,11 @@ def test_small_cases_look_alike_to_validator_and_readers(
 def test_readers_see_only_the_motion(prove: ModuleType, tmp_path: Path, name: str) -> None:
     prove.samples(tmp_path)
     rows(prove, "readers", tmp_path / name, tmp_path / "here")
+
+
+@pytest.mark.slow
+def test_a_compressed_file_is_sound_after_marking(prove: ModuleType, model: Any, tmp_path: Path) -> None:
+    assert len(rows(prove, "compressed", model("two_primitives"), tmp_path / "here")) == 2 * len(prove.COMPRESSED)
 
 
 @pytest.mark.slow

@@ -40,17 +40,24 @@ KEY = Key(bytes(range(32)))  # public: that of the golden marks
 MESSAGE = "mine"
 TABLE = ROOT / "results" / "proof" / "proof.csv"
 PICTURE = ROOT / "docs" / "gltf_before_after.png"
-ROUTES: dict[str, tuple[str, ...]] = {  # what publishers do to a file: package, command, options
+_TRANSFORM = ("@gltf-transform/cli", "gltf-transform")
+PUBLISHED: dict[str, tuple[str, ...]] = {  # what publishers do to a file: package, command, options
     "gltfpack": ("gltfpack", "gltfpack", "-i", "{source}", "-o", "{output}"),
     "gltfpack -cc": ("gltfpack", "gltfpack", "-cc", "-i", "{source}", "-o", "{output}"),
     **{
         f"gltf-transform optimize --compress {kind}": (
-            *("@gltf-transform/cli", "gltf-transform", "optimize", "{source}", "{output}", "--compress", kind),
+            *_TRANSFORM,
+            "optimize",
+            "{source}",
+            "{output}",
+            "--compress",
+            kind,
         )
         for kind in ("false", "quantize", "meshopt", "draco")
     },
 }
-COMPRESSED = ("gltfpack -cc", "gltf-transform optimize --compress draco")  # of ROUTES
+ROUTES = PUBLISHED | {"gltf-transform draco": (*_TRANSFORM, "draco", "{source}", "{output}")}
+COMPRESSED = ("gltfpack -cc", "gltf-transform draco")
 DECODED = "gltf-transform optimize --compress false"
 FEWEST = 1000  # vertices: smaller ones are moved as a mark would
 TIMES = (0.0, 0.8)  # seconds of the animation
@@ -84,7 +91,7 @@ def complaints(file: Path, folder: Path) -> Iterator[Row]:
 def published(file: Path, folder: Path) -> Iterator[Row]:
     """Whether the mark is read from what publishers' programs make of the marked file."""
     source = marked(file, folder)
-    for route in ROUTES:
+    for route in PUBLISHED:
         yield attempt("published", file, route, partial(_read_after, source, route, folder))
 
 
