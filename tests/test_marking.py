@@ -172,7 +172,20 @@ class TestAdvice:
     def test_or_that_none_does(self, opened: Opened, key: Key) -> None:
         assert "none of the profiles" in marking.advice(opened(UNIT_SQUARE), PROFILES["robust-2026"], "mine", key)
 
+    def test_what_the_file_s_numbers_cannot_hold_is_not_advised(self, opened: Opened, spot_arrays, key: Key) -> None:
+        """At 1e5 float32 numbers lie 0.008 apart, a hundredth of what spot measures in width: no profile is read."""
+        vertices, triangles = spot_arrays
+        asset = opened(((vertices + 1.2e5).astype(np.float32), triangles))
+        marked = marking.embed(asset, PROFILES["robust-2026"], "mine", key)
+        if not marked.verified:
+            assert "lie 0.00781 apart" in marked.left[0].why
+            name = marking.advice(asset, PROFILES["robust-2026"], "mine", key).split()[1]
+            assert name not in PROFILES or marking.embed(asset, PROFILES[name], "mine", key).verified
+
     def test_nothing_is_advised_where_the_file_is_to_blame(self, opened: Opened, spot_arrays, key: Key) -> None:
         vertices, triangles = spot_arrays
+        damaged = vertices.copy()
+        damaged[0] = np.nan
+        assert marking.advice(opened((damaged, triangles)), PROFILES["robust-2026"], "mine", key) == ""
         far = opened(((vertices + 5e6).astype(np.float32), triangles))
         assert marking.advice(far, PROFILES["robust-2026"], "mine", key) == ""

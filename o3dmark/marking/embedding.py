@@ -19,6 +19,8 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import TriangleMesh, check_precision, mesh_arrays, triangle_mesh
 from o3dmark.watermark import Watermark
 
+_COARSE = 1 / 4096  # of the diagonal: numbers further apart, 12 bits, are named where a mark cannot be read back
+
 
 @dataclass(frozen=True)
 class Left:
@@ -96,7 +98,7 @@ def embed(
             named = tuple(Left(asset.parts[number].name, left[number]) for number in sorted(left))
             return _named(Marked(asset, files, moved, named), name or asset.name, mark)
         for number in unread:
-            left[number] = "the mark cannot be read back from the numbers that the file holds"
+            left[number] = _unread(asset.parts[number])
             del moved[number]
     return Marked(asset, {}, {}, tuple(Left(asset.parts[number].name, left[number]) for number in sorted(left)))
 
@@ -129,6 +131,17 @@ class _Mark:
         if isinstance(self.message, str):
             return self.watermark.decode(extraction, self.key).message == self.message
         return bool((extraction.bits == np.asarray(self.message)).all())
+
+
+def _unread(part: Part) -> str:
+    step, diagonal = float(np.max(part.steps, initial=0.0)), geometry.diagonal(part.vertices)
+    why = "the mark cannot be read back from what would be written"
+    if step < _COARSE * diagonal:
+        return why
+    return (
+        f"{why}: its numbers lie {step:.3g} apart, the mesh measures {diagonal:.3g}. Move it to the origin before it is"
+        " stored, or store it in a type that holds more digits"
+    )
 
 
 def _named(marked: Marked, name: str, mark: _Mark) -> Marked:
