@@ -54,7 +54,7 @@ def test_the_command_keeps_no_file_that_cannot_be_read(
     monkeypatch.setattr(type(METHODS.make(name)), "extract", lambda *_, **__: Extraction(np.zeros(16)))
     words = ["embed", tmp_path / "cover.ply", tmp_path / "out.ply", "--key", tmp_path / "owner.key", "--method", name]
     with pytest.raises(SystemExit) as leave:
-        main([*map(str, words), "--bits", "0110100110010110", "--json"])
+        main([*map(str, words), "--bits", "0110100110010110", "--overwrite", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert (leave.value.code, report["verified"], report["output"]) == (1, False, None)
     assert (tmp_path / "out.ply").read_text() == "older"

@@ -66,7 +66,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     asset = open_asset(path)
     mesh = asset.mesh()
     if not mesh.has_triangles():
-        raise _without_triangles(asset)
+        raise _without_triangles(asset, mesh)
     return mesh
 
 
@@ -98,7 +98,7 @@ def open_shape(path: str | Path) -> Asset | PointCloud:
         return asset
     if suffix in CLOUDS:
         return read_points(path)
-    raise _without_triangles(asset)
+    raise _without_triangles(asset, asset.mesh())
 
 
 def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
@@ -107,9 +107,9 @@ def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
     return shape.mesh() if isinstance(shape, Asset) else shape
 
 
-def _without_triangles(asset: Asset) -> MeshError:
-    count = sum(len(part.vertices) for part in asset.parts)
-    return MeshError(f"{asset.name} holds " + (f"{count} vertices and no triangle" if count else "no mesh"))
+def _without_triangles(asset: Asset, mesh: TriangleMesh) -> MeshError:
+    what = f"{len(mesh.vertices)} vertices and no triangle" if mesh.has_vertices() else "no mesh"
+    return MeshError(f"{asset.name} holds {what}")
 
 
 def write_mesh(path: str | Path, mesh: object) -> None:
