@@ -251,10 +251,9 @@ def rows_of(proof: str, file: Path, folder: Path) -> Iterator[Row]:
         yield Row(proof, file.name, "", "", False, str(error))
 
 
-def save(rows: Sequence[Row], path: Path) -> None:
+def save(rows: Sequence[Row], path: Path, commit: str) -> None:
     """Write rows as CSV, with the commit and the day."""
-    git = ("git", "-C", ROOT, "describe", "--always", "--dirty", "--exclude=*")
-    about = {"commit": programs.run(*git).strip(), "date": datetime.date.today().isoformat()}
+    about = {"commit": commit, "date": datetime.date.today().isoformat()}
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         table = csv.DictWriter(file, [*(field.name for field in fields(Row)), *about], lineterminator="\n")
@@ -268,6 +267,7 @@ def main() -> int:
     parser.add_argument("--only", choices=PROOFS, metavar="PROOF", help="one of " + ", ".join(PROOFS))
     options = parser.parse_args()
     proofs = [options.only] if options.only else list(PROOFS)
+    commit = programs.run("git", "-C", ROOT, "describe", "--always", "--dirty", "--exclude=*").strip()
     rows: list[Row] = []
     missing: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -292,7 +292,7 @@ def main() -> int:
             if not options.files and (here / PICTURE.name).exists():
                 shutil.copy(here / PICTURE.name, PICTURE)
     if not (options.files or options.only or missing):
-        save(rows, TABLE)
+        save(rows, TABLE, commit)
     return int(not all(row.passed for row in rows))
 
 
