@@ -123,6 +123,8 @@ def inside(name: str, folder: Path, seconds: float) -> int:
 
     with atheris.instrument_imports(include=["o3dmark.files"]):
         watch = Watch(name, folder, FINDINGS / name)
+        for seed in sorted((folder / "corpus").glob("seed*")):
+            watch(seed.read_bytes())  # so that all that is imported later is there before the limit
     (folder / "words").write_text("".join(f'"{word}"\n' for word in sorted(_words(folder / "corpus"))))
     size = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     resource.setrlimit(resource.RLIMIT_AS, (size + MOST_MEMORY, size + MOST_MEMORY))

@@ -3,6 +3,7 @@
 import importlib
 import json
 import struct
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -145,6 +146,15 @@ def test_what_the_library_cannot_write_is_left(monkeypatch):
     assert part.fixed.endswith("decompress the file first, with `gltf-transform copy IN OUT`")
     with pytest.raises(MeshError, match="of a type that DracoPy does not write"):
         Gltf(draco().source).with_positions({0: part.vertices})
+
+
+@pytest.mark.parametrize(("scale", "fits"), [(1.0, True), (1e30, True), (1e-30, True), (1e-36, False)])
+def test_positions_too_small_for_the_arithmetic_of_the_library_are_refused(scale, fits):
+    packed = DracoPy.encode(BUMPY.vertices.astype(float), BUMPY.triangles.astype(np.uint32), preserve_order=True)
+    mesh = codec.decoded("a.glb", packed)
+    wanted = {mesh.first: (scale * mesh.positions.astype(np.float64)).astype(np.float32)}
+    with nullcontext() if fits else pytest.raises(MeshError, match="does not write back"):
+        codec.encoded("a.glb", mesh, wanted, 14)
 
 
 def test_what_is_there_twice_is_left():

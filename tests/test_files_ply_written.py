@@ -210,6 +210,12 @@ def test_faces_of_two_corners_turn_no_normals(ply):
     assert set(after.raw("nz")) == {b"1"}
 
 
+def test_faces_without_corners_among_no_vertices_are_refused(ply):
+    face = ("face", ["list uchar int vertex_index"], [[[]], [[]]])
+    with pytest.raises(MeshError, match="0 corners"):
+        ply(any_ply([("vertex", FLOATS, []), face]))
+
+
 def test_vertices_in_no_triangle_may_have_normals(ply):
     rows = [[*point, 0, 0, 1] for point in [*TETRAHEDRON, [9, 9, 9], [8, 8, 8]]]
     face = ("face", ["list uchar int vertex_index"], FACES)

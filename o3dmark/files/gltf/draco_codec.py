@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray, Ints
+from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.gltf.extra import library
 
@@ -117,16 +117,26 @@ def encoded(where: str, mesh: DracoMesh, changed: Mapping[int, AnyArray], bits: 
         if number is not None and (found := _bits(where, mesh, number)):
             exact[number] = found
     kept = set(mesh.attributes) - set(changed) - {mesh.first}
+    wanted = changed.get(mesh.first, mesh.positions).astype(np.float64)
     for choice in (exact, {}):
         packed = _written(where, mesh, changed, bits, choice)
         back = decoded(where, packed)
         ids = _ids(mesh, back, choice)
         same = all(np.array_equal(back.attributes[ids[n]].numbers, mesh.attributes[n].numbers) for n in kept)
-        if same and np.array_equal(back.triangles, mesh.triangles):
+        if same and np.array_equal(back.triangles, mesh.triangles) and _near(back.positions, wanted, bits):
             return Encoded(packed, back, ids)
     raise MeshError(
         f"{where}: DracoPy does not write back what it has read; `gltf-transform copy IN OUT` decompresses it"
     )
+
+
+def _near(positions: AnyArray, wanted: Floats, bits: int) -> bool:
+    """Whether positions (n, 3) are within a step of those wanted; they are not where float32 cannot tell 1 / step."""
+    if positions.shape != wanted.shape:
+        return False
+    step = float(np.ptp(wanted, axis=0).max()) / ((1 << bits) - 1)
+    noise = 4.0 * float(np.spacing(np.float32(np.abs(wanted).max())))
+    return bool((np.abs(positions - wanted) <= step + noise).all())
 
 
 def _written(

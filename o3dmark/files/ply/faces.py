@@ -77,7 +77,7 @@ def _check_room(rows: Rows, triangles: int) -> None:
 
 
 def _check_corners(rows: Rows, triangles: Ints, n_vertices: int) -> None:
-    if triangles.view(np.uint64).max(initial=0) >= n_vertices:  # a negative one is large, seen so
+    if len(triangles) and triangles.view(np.uint64).max() >= n_vertices:  # a negative one is large, seen so
         outside = (triangles < 0) | (triangles >= n_vertices)
         raise MeshError(
             f"{rows.body.name}: element {rows.element.name} names vertex {triangles[outside][0]},"
