@@ -261,6 +261,15 @@ def test_encrypted_archives_are_refused():
         opened(bytes(content))
 
 
+def test_a_directory_that_runs_into_its_end_is_refused():
+    """The comment of the last entry is said to be longer than there is room for."""
+    content = bytearray(archive())
+    content[content.rindex(b"PK\x01\x02") + 32] += 4
+    [part] = opened(bytes(content)).parts
+    with pytest.raises(MeshError, match="directory is longer"):
+        moved(bytes(content), {0: part.vertices + SHIFT})
+
+
 def test_bombs_are_refused():
     """An archive that says how much it holds, and one that lies."""
     huge = io.BytesIO()

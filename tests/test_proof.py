@@ -120,7 +120,9 @@ def test_small_cases_look_alike_to_validator_and_readers(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bust.ply", "bust.obj", "bust.off", "bust.stl", "bust.3mf", "rigged.glb"])
+@pytest.mark.parametrize(
+    "name", ["bust.ply", "bust.obj", "bust.off", "bust.stl", "bust.3mf", "rigged.glb", "pair.gltf"]
+)
 def test_readers_see_only_the_motion(prove: ModuleType, tmp_path: Path, name: str) -> None:
     prove.samples(tmp_path)
     rows(prove, "readers", tmp_path / name, tmp_path / "here")

@@ -18,6 +18,7 @@ _MOST_ENTRIES = 65_535  # of an archive without the extensions for huge ones; ea
 _ALLOWANCE = 256 << 20  # bytes beside ten times the archive that all its files together may unfold to
 _FULL = b"\xff\xff\xff\xff"  # "the number stands in the extra field"
 _ZIP64, _PADDING = 0x0001, 0x1986  # kinds of extra fields; the second is what USD fills gaps with
+_END = b"PK\x05\x06"  # of the directory
 _STREAMED = 0x0008  # flag: sizes follow the data instead of standing before them
 _ENCRYPTED = 0x0001
 _BROKEN = (
@@ -117,6 +118,8 @@ class Archive:
             put(data)
         put(content[at : self._zip.start_dir])
         tail = bytearray(content[self._zip.start_dir + sum(map(len, records)) :])
+        if _END not in tail:
+            raise MeshError(f"{self.name} is damaged: its directory is longer than it says")
         _move_directory(tail, length - self._zip.start_dir)
         return b"".join([*written, *records, tail])
 
@@ -229,6 +232,6 @@ def _move_directory(tail: bytearray, shift: int) -> None:
         struct.pack_into("<Q", tail, 48, struct.unpack_from("<Q", tail, 48)[0] + shift)
         locator = 12 + struct.unpack_from("<Q", tail, 4)[0]
         struct.pack_into("<Q", tail, locator + 8, struct.unpack_from("<Q", tail, locator + 8)[0] + shift)
-    end = tail.find(b"PK\x05\x06")
+    end = tail.find(_END)
     if tail[end + 16 : end + 20] != _FULL:
         struct.pack_into("<L", tail, end + 16, struct.unpack_from("<L", tail, end + 16)[0] + shift)

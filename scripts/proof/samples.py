@@ -1,6 +1,8 @@
 """What is looked at by default: the models, the bust in every other format, and the small glTF cases of the tests."""
 
 import io
+import json
+import struct
 import sys
 import zipfile
 from pathlib import Path
@@ -18,12 +20,13 @@ OPC_MODEL = "application/vnd.ms-package.3dmanufacturing-3dmodel+xml"
 def samples(folder: Path) -> list[Path]:
     """All of them, written into a folder."""
     contents = {f"{name}.glb": make() for name, make in MODELS.items()} | {"bust.3mf": three_mf()}
+    contents |= pair("pair", contents["plain.glb"])
     for name, content in contents.items():
         (folder / name).write_bytes(content)
     others = [folder / f"bust{suffix}" for suffix in FORMATS if suffix not in GLTF]
     for path in others:
         write_mesh(path, read_mesh(BODY))
-    return [*(folder / name for name in contents), *others, *cases(folder)]
+    return [*(folder / name for name in contents if not name.endswith(".bin")), *others, *cases(folder)]
 
 
 def cases(folder: Path) -> list[Path]:
@@ -39,6 +42,14 @@ def cases(folder: Path) -> list[Path]:
             (here / each).write_bytes(content)
         written.append((here / case.name).rename(here / f"case {name}{Path(case.name).suffix}"))
     return written
+
+
+def pair(name: str, glb: bytes) -> dict[str, bytes]:
+    """The .gltf and the .bin that hold what a GLB holds."""
+    size = struct.unpack_from("<I", glb, 12)[0]
+    document = json.loads(glb[20 : 20 + size])
+    document["buffers"][0]["uri"] = f"{name}.bin"
+    return {f"{name}.gltf": json.dumps(document).encode(), f"{name}.bin": glb[28 + size :]}
 
 
 def three_mf() -> bytes:
