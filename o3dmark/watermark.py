@@ -58,6 +58,10 @@ class Watermark:
         if self.n_bits < 1:
             raise SpecError(f"a watermark has 1 bit or more, not {self.n_bits}")
 
+    def prepare(self, mesh: Any, key: Key) -> Any:
+        """What marking finds out of ``mesh`` whatever the bits: see `Method.prepare`. The others take it for a mesh."""
+        return self.method.prepare(mesh, self.n_bits, key)
+
     def embed(self, mesh: Any, message: str, key: Key) -> Any:
         """A copy of ``mesh`` that carries ``message``, a text or ``"hex:..."``.
 
