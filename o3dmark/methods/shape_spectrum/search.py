@@ -86,7 +86,7 @@ class Hypotheses:
         except MeshError:
             return
         rule, frames = choices[0], choices[0].frames(solid)
-        self.area_diagonal_ratio = self.received.area * self.received.diagonal / frames[0].scale**3
+        self.area_diagonal_ratio = self.received.area * self.received.diagonal / frames[0].scale ** 3
         yield Round([FrameHypothesis(frames[0], Spectrum.of_solid(self.band, frames[0].solid(solid)))], fit=False)
         if not self.search:
             return
