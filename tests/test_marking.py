@@ -75,7 +75,7 @@ def test_numbers_too_coarse_are_told_before_anything_is_computed(
     opened: Opened, spot_arrays, key: Key, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vertices, triangles = spot_arrays
-    monkeypatch.setattr(Watermark, "embed", lambda *_: pytest.fail("it was computed"))
+    monkeypatch.setattr(Watermark, "prepare", lambda *_: pytest.fail("it was computed"))
     with pytest.raises(MeshError, match=r"lie 0\.5 apart, the mesh measures"):
         marking.embed(opened(((vertices + 5e6).astype(np.float32), triangles)), MARK, "me", key)
 

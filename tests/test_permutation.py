@@ -18,7 +18,8 @@ WORDS = st.integers(1, 130).flatmap(lambda half: st.lists(st.integers(0, 1), min
 def test_a_word_comes_back(word: list[int], secret: bytes) -> None:
     bits = np.array(word, np.uint8)
     image = permuted(bits, Key(secret))
-    assert image.dtype == np.uint8 and image.shape == bits.shape
+    assert image.dtype == np.uint8
+    assert image.shape == bits.shape
     assert np.array_equal(restored(image, Key(secret)), bits)
     assert np.array_equal(permuted(restored(bits, Key(secret)), Key(secret)), bits)
 

@@ -2,11 +2,11 @@
 
     message -> frame (k,) -> keyed permutation -> word (k,) -> codeword (n,) -> XOR keyed stream -> bits (n,)
 
-The permutation makes the bits of any two messages independent (see `permutation`). There are no check bits. Every bit beyond the frame serves correction, and the p-value of the nearest codeword decides
-whether a message is there: at most 2^k codewords could have been found, each by chance with the probability that
-`detection.sign_test` counts, and the whitening makes a wrong key and an unmarked mesh exactly such a chance. Sixteen
-check bits in a code of the same length were measured to do no better at the same false-positive rate, even with a list
-of candidates to check.
+The permutation makes the bits of any two messages independent (see `permutation`). There are no check bits. Every bit
+beyond the frame serves correction, and the p-value of the nearest codeword decides whether a message is there: at most
+2^k codewords could have been found, each by chance with the probability that `detection.sign_test` counts, and the
+whitening makes a wrong key and an unmarked mesh exactly such a chance. Sixteen check bits in a code of the same length
+were measured to do no better at the same false-positive rate, even with a list of candidates to check.
 """
 
 import abc

@@ -98,7 +98,7 @@ class Method(abc.ABC):
         Errors: MeshError for a mesh that cannot carry a mark, CapacityError (says how many fit) for too many bits.
         """
 
-    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:
+    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:  # noqa: ARG002
         """What `embed` finds out of ``mesh`` whatever the bits, once; it takes that in place of the mesh.
 
         For copies of one mesh that differ in their bits. Such a copy is not read back by `embed`: who asks for it

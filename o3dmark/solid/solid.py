@@ -81,7 +81,10 @@ def normal_rms(solid: Solid, displacement: Floats) -> float:
 
 
 def normal_square(solid: Solid, directions: Floats) -> sp.csr_array:
-    """P (n_mesh, n_mesh): motions d (n_mesh,) along ``directions`` (n_mesh, 3) have a squared `normal_rms` of d' P d."""
+    """The form P (n_mesh, n_mesh) of motions along ``directions`` (n_mesh, 3): d' P d is the square of `normal_rms`.
+
+    d (n_mesh,) says how far each vertex of the mesh goes.
+    """
     n = len(solid.movable)
     real = (solid.triangles < n).all(axis=1)
     triangles, size = solid.triangles[real], solid.areas[real]
