@@ -40,7 +40,7 @@ class Obj(Asset):
         del text  # what follows takes the memory that this took
         triangles, *used = fans(counts, *corners)
         self._used = used[0] if used else None
-        self.parts = (Part(self.name, positions, triangles),)
+        self.parts = (Part(self.path.stem, positions, triangles),)
         textures = mtl.textures(source, libraries)
         self.references = tuple(dict.fromkeys(libraries + textures))
         self._contents |= {"textures"} if textures else set()
