@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 _FOR_PROGRAMS = {"soft", "log10_p"}  # of no use in a table
 
@@ -24,7 +25,7 @@ def print_result(values: Mapping[str, Any], json: bool) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, value in values.items():
         if name not in _FOR_PROGRAMS:
-            table.add_row(name, _text(value))
+            table.add_row(name, Text(printable(_text(value))))
     Console(soft_wrap=True, highlight=False).print(table)
 
 
@@ -36,6 +37,11 @@ def _text(value: Any) -> str:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return " ".join(_text(each) for each in value)
     return "-" if value is None else str(value)
+
+
+def printable(text: str) -> str:
+    """A text from somebody's file with what would steer a terminal, or break a line, spelled out."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
 
 
 def say(text: str) -> None:
