@@ -104,21 +104,28 @@ class Ledger:
 
     def copies(self, asset: str | None = None) -> list[Copy]:
         """All copies, or those of an asset (SHA-256), by number. Errors: LedgerError where the chain is broken."""
-        return [copy for copy in self._sound().copies() if asset in (None, copy.asset)]
+        return [copy for copy in self.sound().copies() if asset in (None, copy.asset)]
 
     @property
     def head(self) -> str:
         """The head (64 hexadecimal digits) of all copies. Errors: LedgerError where the chain is broken."""
-        return self._sound().latest
+        return self.sound().latest
 
     def stored(self) -> Stored:
-        """What lies in the file, sound or not. Errors: LedgerError where SQLite finds it damaged."""
+        """What lies in the file, sound or not. Errors: LedgerError where SQLite cannot read it."""
         with self._transaction("DEFERRED"):
             found = self._connection.execute("PRAGMA integrity_check(1)").fetchone()[0]
             if found != "ok":
                 raise LedgerError(_damaged(self.path, found))
             rows = self._connection.execute(f"SELECT {_COLUMNS} FROM copies ORDER BY number").fetchall()
             return Stored(tuple(row[:-1] for row in rows), tuple(row[-1] for row in rows), *self._state())
+
+    def sound(self) -> Stored:
+        """What lies in the file. Errors: LedgerError where the chain is broken, too."""
+        stored = self.stored()
+        if stored.misfit:
+            raise LedgerError(_broken(self.path, stored.misfit))
+        return stored
 
     def close(self) -> None:
         self._connection.close()
@@ -130,12 +137,6 @@ class Ledger:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _sound(self) -> Stored:
-        stored = self.stored()
-        if stored.misfit:
-            raise LedgerError(_broken(self.path, stored.misfit))
-        return stored
 
     def _last(self) -> tuple[int, str]:
         last = self._connection.execute("SELECT number, head FROM copies ORDER BY number DESC LIMIT 1").fetchone()
