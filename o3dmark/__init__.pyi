@@ -7,6 +7,7 @@ from .coding.payload import CODES as CODES
 from .errors import BackendError as BackendError
 from .errors import CapacityError as CapacityError
 from .errors import KeyFileError as KeyFileError
+from .errors import LedgerError as LedgerError
 from .errors import MeshError as MeshError
 from .errors import O3dmarkError as O3dmarkError
 from .errors import SpecError as SpecError

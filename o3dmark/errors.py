@@ -5,6 +5,7 @@
      +-- MeshError       a mesh or a file that cannot be used; says why and what to do
      |    +-- CapacityError   a mesh too small for the payload; says how many bits fit
      +-- KeyFileError    a key that is missing or malformed
+     +-- LedgerError     a ledger of copies that cannot be read or written, or an entry that it cannot take
      +-- BackendError    a library underneath (Open3D, MeshLab, ...) failed
 
 A watermark that is not there is a result, never an error.
@@ -38,6 +39,10 @@ class CapacityError(MeshError):
 
 class KeyFileError(O3dmarkError):
     """A key file that is missing, unreadable or malformed."""
+
+
+class LedgerError(O3dmarkError):
+    """A ledger of copies that cannot be read or written, or an entry that it cannot take."""
 
 
 class BackendError(O3dmarkError):

@@ -18,7 +18,6 @@ from pathlib import Path
 from statistics import median
 
 import counts
-import typer.main
 
 from o3dmark import ATTACKS, CODES, METHODS, METRICS, SHAPES
 from o3dmark.campaign import load
@@ -26,7 +25,7 @@ from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import LINES, TABLE, UNMARKED, WRONG_KEY, Row, describe_fields
 from o3dmark.campaign.spec_file import SPECS
-from o3dmark.cli import app
+from o3dmark.cli import commands
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
@@ -110,7 +109,7 @@ def registry_table(registry: "Registry[object]") -> str:
 def commands_table() -> str:
     """A row for each command: its arguments, its options and what it does."""
     rows = ["| command | what it does | options |", "|---|---|---|"]
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+    for name, command in commands().items():
         arguments = [p.metavar or p.name.upper() for p in command.params if p.param_type_name == "argument"]
         options = [
             f"`{max(p.opts, key=len)}`: {p.help or ''}"
@@ -167,14 +166,14 @@ def results(folder: str) -> Results:
 def made_by(folder: str, path: Path) -> str:
     """The line that says who computed a campaign's rows, and where they are."""
     runs = load(RESULTS / folder).runs
-    commands = ", ".join(f"`{text}`" for text in distinct(run.command for run in runs))
+    called = ", ".join(f"`{text}`" for text in distinct(run.command for run in runs))
     dates = sorted(run.started[:10] for run in runs)
     versions = "; ".join(distinct(f"o3dmark {run.version}, commit {run.commit or 'not known'}" for run in runs))
     machines = "; ".join(distinct(f"{run.machine}, Python {run.python}" for run in runs))
     link = os.path.relpath(RESULTS / folder, path.parent)
     there = next(name for name in (TABLE, SUMMARY, LINES) if (RESULTS / folder / name).exists())
     when = " to ".join(distinct([dates[0], dates[-1]]))
-    return f"Measured by {commands} on {when} ({versions}; {machines}): [rows]({link}/{there}).\n"
+    return f"Measured by {called} on {when} ({versions}; {machines}): [rows]({link}/{there}).\n"
 
 
 def grid(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

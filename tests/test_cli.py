@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fixtures.command_line import run
-from o3dmark.cli import app
+from o3dmark.cli import commands
 from o3dmark.files import write_mesh
 from o3dmark.mesh.surface import TriangleMesh
 
@@ -188,9 +188,7 @@ def test_list_names_everything(kind: str, capsys: Any) -> None:
 
 
 def test_every_command_takes_json() -> None:
-    import typer.main
-
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+    for name, command in commands().items():
         assert "json" in {parameter.name for parameter in command.params}, name
         assert command.help, name
 

@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 from o3dmark import errors
-from o3dmark.errors import BackendError, CapacityError, KeyFileError, MeshError, O3dmarkError, SpecError
+from o3dmark.errors import BackendError, CapacityError, KeyFileError, LedgerError, MeshError, O3dmarkError, SpecError
 
 CLASSES = [cls for _, cls in inspect.getmembers(errors, inspect.isclass)]
 
@@ -18,7 +18,7 @@ def test_every_error_is_an_o3dmark_error_and_is_drawn(cls: type[O3dmarkError]) -
 
 def test_exit_codes_tell_the_callers_typing_from_bad_input() -> None:
     assert SpecError.exit_code == 2
-    assert {cls.exit_code for cls in (MeshError, CapacityError, KeyFileError, BackendError)} == {3}
+    assert {cls.exit_code for cls in (MeshError, CapacityError, KeyFileError, LedgerError, BackendError)} == {3}
 
 
 def test_capacity_error_says_how_many_bits_fit() -> None:

@@ -28,6 +28,7 @@ LAYERS = """
     marking
     view
     campaign
+    copies
     report
     cli
     o3dmark __main__

@@ -6,19 +6,21 @@ never appear in logs or errors. Heavy libraries are imported by the commands, so
 
 import json as json_text
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
 import typer
+import typer.main
 
 from o3dmark.cli._talk import say
 from o3dmark.cli.campaigns import bench, report
 from o3dmark.cli.catalogue import list_
+from o3dmark.cli.copies import ledger
 from o3dmark.cli.meshes import attack, compare, saliency, synth, view
 from o3dmark.cli.owner import detect, embed, extract, keygen
 from o3dmark.errors import BackendError, O3dmarkError
 
-__all__ = ["app", "main"]
+__all__ = ["app", "commands", "main"]
 
 app = typer.Typer(
     name="o3dmark",
@@ -30,6 +32,7 @@ app = typer.Typer(
 )
 for _command in (keygen, embed, extract, detect, attack, compare, saliency, view, synth, list_, bench, report):
     app.command(_command.__name__.rstrip("_"))(_command)
+app.add_typer(ledger)
 
 _UsageError: Any = typer.BadParameter.__base__  # its own module differs between versions of typer
 
@@ -51,6 +54,19 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     sys.exit(code)
+
+
+def commands() -> dict[str, Any]:
+    """Every command, those of groups too, by the words that call it."""
+    return dict(_commands_of(typer.main.get_command(app)))
+
+
+def _commands_of(group: Any, *words: str) -> Iterator[tuple[str, Any]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands_of(command, *words, name)
+        else:
+            yield " ".join((*words, name)), command
 
 
 def _fail(name: str, text: str, code: int, json: bool, talk: bool = True) -> int:

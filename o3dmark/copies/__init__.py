@@ -1,0 +1,12 @@
+"""Copies: who was given which file, in a ledger whose head can be time-stamped elsewhere.
+
+chain           the rows of a ledger   -> its head; the first row that does not fit
+ledger          entries                -> copies, in one SQLite file that a kill or a power cut leaves whole
+verification    a ledger, a folder     -> what does not agree
+"""
+
+from o3dmark.copies.chain import EMPTY, Copy, Entry
+from o3dmark.copies.ledger import Ledger
+from o3dmark.copies.verification import Verification, verify
+
+__all__ = ["EMPTY", "Copy", "Entry", "Ledger", "Verification", "verify"]
