@@ -169,7 +169,9 @@ class Ledger:
             raise LedgerError(
                 f"{self.path.name} is a ledger of format {version}, and this o3dmark knows format {FORMAT}: update it"
             )
-        schema = self._connection.execute("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid").fetchall()
+        schema = self._connection.execute(
+            "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid"
+        ).fetchall()
         if tuple(sql for (sql,) in schema) != SCHEMA:
             raise LedgerError(_damaged(self.path, "another program has changed its tables"))
 

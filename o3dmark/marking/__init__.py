@@ -7,7 +7,7 @@ advice      what does work where a mark does not fit: tried, not guessed
 """
 
 from o3dmark.marking.advice import advice
-from o3dmark.marking.embedding import Edition, Left, Marked, embed
+from o3dmark.marking.embedding import Edition, Left, Marked, embed, mesh_of
 from o3dmark.marking.reading import PartDetection, PartReading, detect, extract
 from o3dmark.marking.views import View, views
 
@@ -22,5 +22,6 @@ __all__ = [
     "detect",
     "embed",
     "extract",
+    "mesh_of",
     "views",
 ]
