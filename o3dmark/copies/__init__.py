@@ -5,16 +5,16 @@ ledger          entries -> copies in an SQLite file, entered together or not at 
 verification    a ledger, a folder     -> what does not agree
 buyers          a CSV file             -> the names of those who get a copy
 issuing         an asset, names, a key -> marked files, each entered before it appears
-suspects        files, folders, archives -> what to look at
+archives        files, folders, archives -> what to look at
 tracing         a suspect, copies, keys -> whose it is, and how probable it is that somebody innocent is named
 words           a trace                -> a sentence
 """
 
+from o3dmark.copies.archives import suspects
 from o3dmark.copies.buyers import read_buyers
 from o3dmark.copies.chain import EMPTY, Copy, Entry
 from o3dmark.copies.issuing import Progress, issue
 from o3dmark.copies.ledger import Ledger
-from o3dmark.copies.suspects import suspects
 from o3dmark.copies.tracing import Named, Trace, Tracer
 from o3dmark.copies.verification import Verification, verify
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeAlias
 
 from o3dmark.arrays import Bits
 from o3dmark.coding.identities import Candidate, codewords, nearest
@@ -83,6 +83,10 @@ class Batch:
         return codewords(self.key, [copy.name for copy in self.copies], self.watermark.n_bits)
 
 
+_Seen: TypeAlias = tuple[Batch, str, Extraction | MeshError, bool]
+"""A batch, the part of the file, what it shows under the batch's key, and whether beside the reference."""
+
+
 @dataclass
 class Tracer:
     """Copies and keys, ready for any number of suspects.
@@ -139,22 +143,21 @@ class Tracer:
         runner_up = others[0] if others else None
         return replace(found, best=best, runner_up=runner_up, part=part, view=extraction.note, informed=informed)
 
-    def _extractions(
-        self, looked_at: Sequence[View], covers: Sequence[Any]
-    ) -> Iterator[tuple[Batch, str, Extraction | MeshError, bool]]:
-        """What each view shows under each batch's key: at first sight, after a search, beside the reference."""
-        for quick in (True, False):
-            for view in looked_at:
-                seen: dict[Method, Any] = {}
-                for batch in self.batches:
-                    method = _quick(batch.watermark.method) if quick else batch.watermark.method
-                    yield batch, view.part, _extracted(method, view.shape, batch, seen), False
+    def _extractions(self, looked_at: Sequence[View], covers: Sequence[Any]) -> Iterator[_Seen]:
+        """What each view shows under each batch's key: at first sight, beside the reference, after a search."""
+        yield from self._blindly(looked_at, quick=True)
         for view in looked_at:
+            for batch in filter(self._serves, self.batches):
+                for cover in covers:
+                    yield batch, view.part, _extracted(batch.watermark.method, view.shape, batch, {}, cover), True
+        yield from self._blindly(looked_at, quick=False)
+
+    def _blindly(self, looked_at: Sequence[View], *, quick: bool) -> Iterator[_Seen]:
+        for view in looked_at:
+            seen: dict[Method, Any] = {}
             for batch in self.batches:
-                if self._serves(batch):
-                    for cover in covers:
-                        method = batch.watermark.method
-                        yield batch, view.part, _extracted(method, view.shape, batch, {}, cover), True
+                method = _quick(batch.watermark.method) if quick else batch.watermark.method
+                yield batch, view.part, _extracted(method, view.shape, batch, seen), False
 
     @cached_property
     def _covers(self) -> list[Any]:
