@@ -1,7 +1,8 @@
 """Copies: who was given which file, in a ledger whose head can be time-stamped elsewhere.
 
 chain           the rows of a ledger   -> its head; the first row that does not fit
-ledger          entries                -> copies, in one SQLite file that a kill or a power cut leaves whole
+storage         a path                 -> an SQLite file that a kill or a loss of power leaves whole
+ledger          entries                -> copies, entered together or not at all
 verification    a ledger, a folder     -> what does not agree
 """
 
