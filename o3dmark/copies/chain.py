@@ -140,6 +140,8 @@ def _follows(previous: str, row: Row, head: str) -> bool:
 
 
 def _is_unicode(text: str) -> bool:
+    if text.isascii():  # sooner said
+        return True
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Literal
 
 from o3dmark.copies.chain import COLUMNS, EMPTY, Copy, Entry, Row, entered, misfit
@@ -72,7 +71,8 @@ class Ledger:
 
     def copies(self, asset: str | None = None) -> list[Copy]:
         """All copies, or those of an asset (SHA-256), by number. Errors: LedgerError where the chain is broken."""
-        return [copy for copy in self.sound().copies() if asset in (None, copy.asset)]
+        copies = self.sound().copies()
+        return copies if asset is None else [copy for copy in copies if copy.asset == asset]
 
     @property
     def head(self) -> str:
@@ -101,9 +101,7 @@ class Ledger:
     def __enter__(self) -> "Ledger":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _last(self) -> tuple[int, str]:
