@@ -36,6 +36,7 @@ SLOWEST = 5.0  # seconds of the processor
 MEMORY = 256 * MIB  # beside ten times the input
 MOST_MEMORY = 1024 * MIB  # beyond what the libraries take: more is refused by the system
 HANGS = 60  # seconds after which an input is given up
+LAST = "last"  # the name of the file that has the input being parsed
 RESTARTS = 20  # a parser that ends the process so often has been heard
 
 
@@ -95,26 +96,37 @@ def fuzzed(name: str, seconds: float) -> int:
 
 
 def _keep_death(findings: Path, folder: Path, said: str) -> None:
-    """Keep what a process said that ended by itself, and the input that libFuzzer blames."""
+    """Keep what a process said that ended by itself, its last input, and the one that libFuzzer blames."""
     number = len(list(findings.glob("death*.txt")))
     (findings / f"death{number}.txt").write_text(said[-5000:])
+    shutil.copy(folder / LAST, findings / f"death{number}.input")
     for blamed in [path for path in folder.iterdir() if re.match("crash-|timeout-|oom-|slow-unit-|leak-", path.name)]:
         shutil.move(blamed, findings / f"death{number}-{blamed.name}")
 
 
 def _count(name: str, inputs: int, seconds: int, findings: int) -> None:
-    git = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
-    row = {"format": name, "inputs": inputs, "seconds": seconds, "findings": findings, "commit": commit}
-    row |= {"date": datetime.date.today().isoformat()}
+    """Put a row into the counts, in place of an older one of the format."""
+    row = {"format": name, "inputs": str(inputs), "seconds": str(seconds), "findings": str(findings)}
+    row |= {"commit": _commit(), "date": datetime.date.today().isoformat()}
     COUNTS.parent.mkdir(parents=True, exist_ok=True)
-    new = not COUNTS.exists()
-    with COUNTS.open("a", newline="") as file:
-        table = csv.DictWriter(file, row, lineterminator="\n")
-        if new:
-            table.writeheader()
-        table.writerow(row)
-    print(", ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+    rows = {name: row}
+    if COUNTS.exists():
+        with COUNTS.open(newline="") as file:
+            rows = {each["format"]: each for each in csv.DictReader(file)} | rows
+    with COUNTS.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(row), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows[each] for each in sorted(rows))
+    print(", ".join(f"{key} {value}" for key, value in row.items()))
+
+
+def _commit() -> str:
+    """The commit of the tree; dirty where more than the counts has changed."""
+    git = ["git", "-C", str(ROOT)]
+    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
+    other = [".", f":(exclude){COUNTS.relative_to(ROOT).as_posix()}"]
+    clean = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *other], check=False).returncode == 0
+    return head.stdout.strip() + ("" if clean else "-dirty")
 
 
 def inside(name: str, folder: Path, seconds: float) -> int:
@@ -159,6 +171,7 @@ class Watch:
 
         self.allowed = O3dmarkError
         self.target, self.state, self.findings = fuzz_targets.TARGETS[name], folder / "state.json", findings
+        self.last = folder / LAST
         self.inputs, self.told, self.peak = 0, 0.0, 0
         warnings.simplefilter("error")
 
@@ -167,6 +180,7 @@ class Watch:
         if time.monotonic() - self.told > 0.5:
             self.told = time.monotonic()
             self.state.write_text(json.dumps({"inputs": self.inputs}))
+        self.last.write_bytes(data)  # for a parser that ends the process
         before, started = _resident(), time.process_time()
         try:
             self.target.journey(data)

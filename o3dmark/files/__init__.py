@@ -76,10 +76,7 @@ def read_points(path: str | Path) -> PointCloud:
     Source(path).check_there()
     if path.suffix.lower() not in (*CLOUDS, *ASSETS):
         raise MeshError(f"{path.name}: the ending is none of {', '.join(CLOUDS)}")
-    Source(path).read()
-    if path.suffix.lower() == ".ply":
-        Ply(Source(path))  # for what is wrong with it
-    cloud = _open3d.read_points(path)
+    cloud = Ply(Source(path)).points() if path.suffix.lower() == ".ply" else _open3d.read_points(path)
     if not cloud.has_points():
         raise MeshError(f"{path.name} holds no point")
     if not np.isfinite(np.asarray(cloud.points)).all():

@@ -57,7 +57,7 @@ KINDS = (
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One mesh of a file, in its own frame.
+    """One mesh of a file, in its own frame; its name is the file's own where that is one mesh, without the ending.
 
     vertices (n, 3) float64 and triangles (m, 3) int64 (polygons as fans), read-only. ``steps`` (n, 3), or what
     broadcasts to it: how far apart the numbers are that the file can hold there; 0 where as many digits are written as
@@ -120,18 +120,20 @@ class Asset(ABC):
 
         Positions are the file's, in double precision.
         """
-        vertices, triangles, count = [], [], 0
+        vertices, triangles = self.placed()
+        return triangle_mesh(vertices, triangles) if len(vertices) else TriangleMesh()
+
+    def placed(self) -> tuple[Floats, Ints]:
+        """All parts at all their places, as one list of vertices (n, 3) and one of triangles (m, 3)."""
+        vertices, triangles, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
         for part in self.parts:
             for place in part.placements:
-                vertices.append(
-                    part.vertices @ place[:3, :3].T + place[:3, 3] if (place != STAYS[0]).any() else part.vertices
-                )
+                stays = (place == STAYS[0]).all()
+                vertices.append(part.vertices if stays else part.vertices @ place[:3, :3].T + place[:3, 3])
                 mirrored = np.linalg.det(place[:3, :3]) < 0.0
                 triangles.append((part.triangles[:, ::-1] if mirrored else part.triangles) + count)
                 count += len(part.vertices)
-        if not vertices:
-            return TriangleMesh()
-        return triangle_mesh(np.concatenate(vertices), np.concatenate(triangles))
+        return np.concatenate(vertices), np.concatenate(triangles)
 
     def check(self, moved: Moved) -> None:
         """Errors: MeshError where a part that is to move cannot, or by an array of another shape."""

@@ -9,7 +9,6 @@ import numpy as np
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.asset import STAYS, Asset, Part
-from o3dmark.files.conversion.same_shape import placed
 from o3dmark.mesh import geometry
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -27,7 +26,7 @@ _TYPES = (
 
 def stl(asset: Asset) -> bytes:
     """A binary STL in float32. Errors: MeshError for positions beyond its range."""
-    vertices, triangles = placed(asset)
+    vertices, triangles = asset.placed()
     rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     with np.errstate(over="ignore"):
         rows["corners"] = vertices[triangles]
@@ -39,7 +38,7 @@ def stl(asset: Asset) -> bytes:
 
 def off(asset: Asset) -> bytes:
     """An OFF file with every digit, coincident vertices as one."""
-    vertices, triangles = _welded(*placed(asset))
+    vertices, triangles = _welded(*asset.placed())
     counts = f"OFF\n{len(vertices)} {len(triangles)} 0\n"
     return (counts + _lines("%r %r %r\n", vertices) + _lines("3 %d %d %d\n", triangles)).encode()
 

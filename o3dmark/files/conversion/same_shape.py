@@ -3,22 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from o3dmark.arrays import AnyArray, Bools, Floats, Ints
-from o3dmark.files.asset import STAYS, Asset
+from o3dmark.arrays import AnyArray, Bools, Floats
+from o3dmark.files.asset import Asset
 from o3dmark.mesh import geometry
-
-
-def placed(asset: Asset) -> tuple[Floats, Ints]:
-    """All parts at all their places, as one list of vertices (n, 3) and one of triangles (m, 3)."""
-    vertices, triangles, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
-    for part in asset.parts:
-        for place in part.placements:
-            stays = (place == STAYS[0]).all()
-            vertices.append(part.vertices if stays else part.vertices @ place[:3, :3].T + place[:3, 3])
-            mirrored = np.linalg.det(place[:3, :3]) < 0.0
-            triangles.append((part.triangles[:, ::-1] if mirrored else part.triangles) + count)
-            count += len(part.vertices)
-    return np.concatenate(vertices), np.concatenate(triangles)
 
 
 def same_shape(before: Asset, after: Asset) -> bool:
@@ -38,7 +25,7 @@ def same_shape(before: Asset, after: Asset) -> bool:
 
 def _corners(asset: Asset) -> Floats:
     """The corners (m, 9) of all triangles with three different ones."""
-    vertices, triangles = placed(asset)
+    vertices, triangles = asset.placed()
     _, position = geometry.weld(vertices)
     corners = position[triangles]
     proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)

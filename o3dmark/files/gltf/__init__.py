@@ -11,13 +11,13 @@ import numpy as np
 
 from o3dmark.arrays import AnyArray, Floats
 from o3dmark.errors import MeshError
+from o3dmark.files._dressing import dressed
 from o3dmark.files.asset import Asset, Moved
 from o3dmark.files.gltf.accessors import Accessor, Accessors, Views
 from o3dmark.files.gltf.budget import Budget
 from o3dmark.files.gltf.buffers import Buffer, Buffers, Edits, file_of
 from o3dmark.files.gltf.container import Container
 from o3dmark.files.gltf.contents import check_extensions, contents
-from o3dmark.files.gltf.dressing import dressed
 from o3dmark.files.gltf.json_fields import Fields
 from o3dmark.files.gltf.parts import Bodies, Body, Piece, bodies
 from o3dmark.files.gltf.scene import placements

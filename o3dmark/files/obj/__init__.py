@@ -8,9 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import open3d as o3d
 
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d
+from o3dmark.files._dressing import dressed
 from o3dmark.files.asset import Asset, Moved, Part
 from o3dmark.files.obj import mtl
 from o3dmark.files.obj.text import ObjText
@@ -40,7 +42,7 @@ class Obj(Asset):
         del text  # what follows takes the memory that this took
         triangles, *used = fans(counts, *corners)
         self._used = used[0] if used else None
-        self.parts = (Part(self.name, positions, triangles),)
+        self.parts = (Part(self.path.stem, positions, triangles),)
         textures = mtl.textures(source, libraries)
         self.references = tuple(dict.fromkeys(libraries + textures))
         self._contents |= {"textures"} if textures else set()
@@ -65,9 +67,9 @@ class Obj(Asset):
         """As of any asset; or Open3D's reading, which repeats vertices, if it has textures and loses nothing."""
         exact = super().mesh()
         if "texture coordinates" in self.contents and self._is_all_inside():
-            dressed = _open3d.dressed(self.path, exact)
-            if dressed is not None:
-                return dressed
+            mesh = dressed(self.path, exact)
+            if mesh is not None:
+                return _without_empty_textures(mesh)
         if self._colours is not None:
             set_colours(exact, self._colours)
         return exact
@@ -93,3 +95,13 @@ def write(path: Path, mesh: TriangleMesh) -> None:
     for row, position in zip(rows, np.asarray(mesh.vertices).tolist(), strict=True):
         lines[row] = " ".join(["v", *map(repr, position), *lines[row].split()[4:]])
     path.write_text("\n".join([*lines, ""]))
+
+
+def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
+    """Open3D gives every material of an OBJ file a texture, if only an empty one, and next to such it writes none."""
+    full = [number for number, texture in enumerate(mesh.textures) if not texture.is_empty()]
+    used = np.asarray(mesh.triangle_material_ids)
+    if full and np.isin(used, full).all():
+        mesh.textures = [mesh.textures[number] for number in full]
+        mesh.triangle_material_ids = o3d.utility.IntVector(np.searchsorted(full, used).astype(np.int32))
+    return mesh

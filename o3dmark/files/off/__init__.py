@@ -30,7 +30,7 @@ class Off(Asset):
         self._content = source.read()
         self._text = text.parsed(source.path, self._content)
         (triangles,) = fans(self._text.counts, self._text.corners)
-        self.parts = (Part(self.name, self._text.positions, triangles),)
+        self.parts = (Part(self.path.stem, self._text.positions, triangles),)
 
     @property
     def contents(self) -> frozenset[str]:

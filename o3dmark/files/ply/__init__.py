@@ -17,7 +17,7 @@ from o3dmark.files.text.numbers import words
 from o3dmark.files.text.polygons import set_colours
 from o3dmark.files.text.splicing import spliced
 from o3dmark.mesh.normals import turned
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, TriangleMesh, triangle_mesh
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
@@ -96,13 +96,24 @@ class Ply(Asset):
         if self._position is None:
             return TriangleMesh()
         mesh = triangle_mesh(self._position.values, self._triangles)
-        for names in _COLOURS:
-            if (colours := self._columns(names)) is not None:
-                full = [_FULL.get(kind, 255.0) for kind in colours.kinds]
-                set_colours(mesh, colours.values / full)
+        if (colours := self._colours()) is not None:
+            set_colours(mesh, colours)
         if self._normal is not None:
             mesh.vertex_normals = o3d.utility.Vector3dVector(self._normal.values.copy())
         return mesh
+
+    def points(self) -> PointCloud:
+        """The vertices, with their colours and normals, whether or not there are faces."""
+        cloud, mesh = PointCloud(), self.mesh()
+        cloud.points, cloud.colors, cloud.normals = mesh.vertices, mesh.vertex_colors, mesh.vertex_normals
+        return cloud
+
+    def _colours(self) -> Floats | None:
+        """Colours of the vertices (n, 3) in 0 .. 1, if they have any."""
+        for names in _COLOURS:
+            if (colours := self._columns(names)) is not None:
+                return colours.values / [_FULL.get(kind, 255.0) for kind in colours.kinds]
+        return None
 
     def _columns(self, names: tuple[str, ...]) -> Columns | None:
         return None if self._vertex is None else Columns.find(self._vertex, names)

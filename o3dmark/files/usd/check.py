@@ -13,7 +13,7 @@ _SECONDS = 20  # and one more for each of so many bytes:
 _BYTES_PER_SECOND = 2_000_000
 _CHILD = """
 import os, sys
-from pxr import Sdf
+from pxr import Sdf, Usd
 path, seconds = sys.argv[1], int(sys.argv[2])
 try:
     import resource
@@ -30,6 +30,13 @@ def visit(at):
     for key in spec.ListInfoKeys() if spec else ():
         spec.GetInfo(key)
 layer.Traverse("/", visit)
+Sdf.Layer.CreateAnonymous(".usdc").TransferContent(layer)
+stage = Usd.Stage.Open(layer)
+for prim in stage.TraverseAll():
+    prim.GetTypeName(), prim.HasVariantSets()
+    for attribute in prim.GetAttributes():
+        attribute.Get(), attribute.GetNumTimeSamples()
+        [(spec.path, spec.HasInfo("default")) for spec in attribute.GetPropertyStack()]
 """
 
 
