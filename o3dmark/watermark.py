@@ -8,7 +8,7 @@
 The reader needs the key and the same watermark, nothing of the embedding (see `profiles`).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,10 @@ class Watermark:
         if self.n_bits < 1:
             raise SpecError(f"a watermark has 1 bit or more, not {self.n_bits}")
 
+    def prepare(self, mesh: Any, key: Key) -> Any:
+        """What marking finds out of ``mesh`` whatever the bits: see `Method.prepare`. The others take it for a mesh."""
+        return self.method.prepare(mesh, self.n_bits, key)
+
     def embed(self, mesh: Any, message: str, key: Key) -> Any:
         """A copy of ``mesh`` that carries ``message``, a text or ``"hex:..."``.
 
@@ -91,7 +95,8 @@ class Watermark:
     ) -> Detection:
         """Is our mark there? With the ``message`` known the test is far sharper than without.
 
-        It then asks of all the readings that the method tried, not only of the one that it believed in.
+        It then asks of all the readings that the method tried, not only of the one that it believed in; where another
+        message of the same key reads better, the answer is no and names it.
         """
         extraction = self.extract_bits(mesh, key, reference=reference)
         return self.test(extraction, key, message, false_positive_rate=false_positive_rate)
@@ -103,7 +108,13 @@ class Watermark:
         if message is None:
             return self.decode(extraction, key, false_positive_rate=false_positive_rate).decoded.detection
         bits = self.code.encode(message, self.n_bits, key)
-        return extraction.detect(bits, false_positive_rate=false_positive_rate)
+        detection = extraction.detect(bits, false_positive_rate=false_positive_rate)
+        read = self.decode(extraction, key).decoded
+        if read.message is None or read.log10_p >= detection.log10_p:
+            return detection
+        if np.array_equal(self.code.encode(read.message, self.n_bits, key), bits):
+            return detection
+        return replace(detection, other=read.message)
 
     def embed_bits(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """Raw bits past the code: what the paper and the benchmark measure."""

@@ -157,7 +157,7 @@ GOLDENS = {
     "sheet": Golden("a thin sheet, in the frame of its area", "leaf", message="leaf", measure="area"),
     "turned": Golden("two principal moments nearly equal: a turned frame", "clover", message="turn", turned=True),
     "turned_sheet": Golden(
-        "a thin sheet in a turned frame", "flat clover", message="flat", measure="area", turned=True
+        "a thin sheet in a turned frame", "flat clover", message="slab", measure="area", turned=True
     ),
     "open": Golden("a mesh with a boundary", "bimba:vertices=2200", ("crop:share=0.15,largest=true",), message="open"),
     "soup": Golden("a triangle soup: every triangle by itself", "cup:vertices=1000", ("unweld",), message="soup"),

@@ -46,6 +46,18 @@ def test_draws_follow_one_another() -> None:
     assert stream.permutation(6).tolist() == np.argsort(np.frombuffer(SHAKE[26:74], "<u8")).tolist()
 
 
+def test_golden_derived_key() -> None:
+    """Made by this program on 2026-11-26."""
+    assert KEY.derived("work").secret.hex()[:16] == "f17bdbf1d6090814"
+    assert KEY.fingerprint == "21240151009fe3b2"
+
+
+def test_derived_keys_tell_nothing_of_each_other() -> None:
+    keys = [KEY, KEY.derived("a"), KEY.derived("b"), KEY.derived("a").derived("b"), Key(bytes(32)).derived("a")]
+    assert len({key.secret for key in keys}) == len({key.fingerprint for key in keys}) == 5
+    assert KEY.derived("a") == keys[1]
+
+
 def test_golden_passphrase() -> None:
     # 2026-11-22: openssl kdf -keylen 32 -kdfopt salt:o3dmark/1 -kdfopt n:16384 -kdfopt r:8 -kdfopt p:1 SCRYPT
     secret = "a944fab4759b1cd3ec2cc6be60bb6deab9fe51be53d4827bb7c603561cc45497"

@@ -75,7 +75,7 @@ def test_numbers_too_coarse_are_told_before_anything_is_computed(
     opened: Opened, spot_arrays, key: Key, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vertices, triangles = spot_arrays
-    monkeypatch.setattr(Watermark, "embed", lambda *_: pytest.fail("it was computed"))
+    monkeypatch.setattr(Watermark, "prepare", lambda *_: pytest.fail("it was computed"))
     with pytest.raises(MeshError, match=r"lie 0\.5 apart, the mesh measures"):
         marking.embed(opened(((vertices + 5e6).astype(np.float32), triangles)), MARK, "me", key)
 
@@ -143,6 +143,21 @@ def test_a_print_plate_is_read_by_its_pieces_and_charged_for_all_views(spot_arra
     known = marking.detect(plate, MARK, key, "me")
     assert known.detection.present
     assert not marking.detect(plate, MARK, Key(bytes(32)), "me").detection.present
+    other = marking.detect(plate, MARK, key, "us")
+    assert (other.detection.present, other.detection.other, other.part) == (False, "me", "piece 1, by area")
+
+
+def test_of_two_messages_in_a_file_each_is_there(opened: Opened, spot_arrays, key: Key) -> None:
+    triangles = spot_arrays[1]
+    marked = [np.asarray(MARK.embed(triangle_mesh(*spot_arrays), who, key).vertices) for who in ("me", "us")]
+    both = opened((marked[0], triangles), (marked[1], triangles))
+    found = {who: marking.detect(both, MARK, key, who) for who in ("me", "us", "it")}
+    assert [(who, each.part, each.detection.present) for who, each in found.items()] == [
+        ("me", "mesh 0", True),
+        ("us", "mesh 1", True),
+        ("it", "mesh 0", False),
+    ]
+    assert found["it"].detection.other == "me"
 
 
 def test_what_cannot_be_looked_at_is_passed_over_unless_it_is_everything(opened: Opened, spot_arrays, key: Key) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from o3dmark.mesh.surface import Surface
 from o3dmark.solid.closing import boundary
-from o3dmark.solid.solid import Solid, normal_rms
+from o3dmark.solid.solid import Solid, normal_rms, normal_square
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +47,14 @@ def test_the_normal_rms_of_inflating_a_sphere_is_the_step() -> None:
     points = solid.vertices[: len(solid.movable)]
     assert normal_rms(solid, 0.01 * points) == pytest.approx(0.01, rel=1e-2)
     assert normal_rms(solid, np.cross([0.0, 0.0, 0.01], points)) < 1e-3
+
+
+def test_the_normal_square_is_that_of_the_normal_rms(surface: Surface) -> None:
+    """Of any motion along any directions, on a surface with a hole as well, whose fans count in neither."""
+    rng = np.random.default_rng(0)
+    for triangles in (surface.triangles, surface.triangles[40:]):
+        solid = Solid.of(Surface.from_arrays(surface.vertices, triangles))
+        directions = rng.standard_normal((len(solid.movable), 3))
+        motion = rng.standard_normal(len(solid.movable))
+        square = motion @ normal_square(solid, directions) @ motion
+        assert np.sqrt(square) == pytest.approx(normal_rms(solid, motion[:, None] * directions), rel=1e-12)

@@ -22,7 +22,7 @@ def ellipsoid(levels: int) -> TriangleMesh:
     return triangle_mesh(vertices * [1.0, 1.4, 1.9], triangles)
 
 
-@pytest.mark.parametrize("secret", [0, 1])
+@pytest.mark.parametrize("secret", [1, 2])
 def test_of_the_ways_to_write_one_is_taken_that_can_be_read(secret: int) -> None:
     """Of an ellipsoid's frames the mark itself decides which comes first, and a reader that does not search takes it.
 

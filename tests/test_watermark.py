@@ -78,8 +78,33 @@ def test_all_readings_are_charged_where_the_bits_choose() -> None:
     assert alone.nearest(bits) is alone
 
 
-def test_another_message_is_not_there(marked: Any, key: Key) -> None:
-    assert not Watermark().detect(marked, key, "else").present
+def test_another_message_is_not_there_and_the_one_that_is_is_named(marked: Any, key: Key) -> None:
+    found = Watermark().detect(marked, key, "else")
+    assert (found.present, found.other) == (False, MESSAGE)
+    assert Watermark().detect(marked, key, MESSAGE).other is None
+    assert Watermark().detect(marked, key, "hex:" + MESSAGE.encode().hex()).other == MESSAGE  # bytes are not a text
+
+
+def test_a_message_that_reads_better_turns_any_answer_into_no(key: Key) -> None:
+    """All bits of the one, three quarters of the other: by itself that would be enough at this rate."""
+    mark = Watermark()
+    one, other = (2.0 * mark.code.encode(message, 64, key) - 1 for message in ("one", "two"))
+    soft = np.where(np.arange(64) % 4 == 0, -other, other) * 1e-3 + one
+    assert mark.test(Extraction(one), key, "two", false_positive_rate=1.0).other == "one"
+    assert not mark.test(Extraction(one), key, "two", false_positive_rate=1.0).present
+    assert mark.test(Extraction(soft), key, "one", false_positive_rate=1e-6).present
+
+
+def test_other_messages_of_the_same_key_are_chance(key: Key) -> None:
+    """Serial numbers asked of one copy: p-values at or below 0.1, 0.01 and 0.001 come as often as they say, or less."""
+    mark = Watermark()
+    soft = 2.0 * mark.code.encode("0000", 64, key) - 1 + np.random.default_rng(1).normal(0, 0.7, 64)
+    extraction = Extraction(soft)
+    log10_p = np.array([mark.test(extraction, key, f"{number:04}").log10_p for number in range(1, 1001)])
+    assert mark.test(extraction, key, "0000").log10_p < -10
+    counts = [int(np.count_nonzero(log10_p <= level)) for level in (-1, -2, -3)]
+    assert np.all(np.array(counts) <= [140, 23, 6])  # four standard deviations above 100, 10 and 1
+    assert counts[0] > 60
 
 
 def test_raw_bits_pass_by_the_code(carrier: Any, key: Key) -> None:

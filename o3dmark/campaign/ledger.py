@@ -81,9 +81,9 @@ class Ledger:
 
 
 @contextmanager
-def locked(directory: Path) -> Iterator[None]:
+def locked(directory: Path, name: str = _LOCK) -> Iterator[None]:
     """Keep a folder to this process. Errors: BackendError when another writes to it."""
-    lock = os.open(directory / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    lock = os.open(directory / name, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         if flock is not None:
             try:

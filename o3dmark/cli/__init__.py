@@ -18,6 +18,7 @@ from o3dmark.cli.catalogue import list_
 from o3dmark.cli.copies import ledger
 from o3dmark.cli.meshes import attack, compare, saliency, synth, view
 from o3dmark.cli.owner import detect, embed, extract, keygen
+from o3dmark.cli.tracing import issue, trace
 from o3dmark.errors import BackendError, O3dmarkError
 
 __all__ = ["app", "commands", "main"]
@@ -30,7 +31,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for _command in (keygen, embed, extract, detect, attack, compare, saliency, view, synth, list_, bench, report):
+for _command in (
+    *(keygen, embed, extract, detect, issue, trace),
+    *(attack, compare, saliency, view, synth, list_, bench, report),
+):
     app.command(_command.__name__.rstrip("_"))(_command)
 app.add_typer(ledger)
 

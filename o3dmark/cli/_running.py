@@ -32,12 +32,12 @@ def run_campaign(
     campaign = read_campaign(spec, meshes, only=only, plugins=plugins)
     options = [("--out", out), ("--meshes", meshes), *(("--only", each) for each in only)]
     command, out = _command(name, options + [("--plugin", each) for each in plugins]), out or Path(spec.stem)
-    with _executor(workers, dask) as (executor, size), _bar() as bar:
-        task = bar.add_task(campaign.title, total=None)
-        for event in run(campaign, out, executor, in_flight=2 * size, command=command):
+    with executor(workers, dask) as (pool, size), bar() as shown:
+        task = shown.add_task(campaign.title, total=None)
+        for event in run(campaign, out, pool, in_flight=2 * size, command=command):
             rows, done = rows + len(event.rows), event.done
             failures += sum(row.failure is not None for row in event.rows)
-            bar.update(task, total=event.total, completed=event.done, description=_doing(campaign.title, event.job))
+            shown.update(task, total=event.total, completed=event.done, description=_doing(campaign.title, event.job))
     seconds = round(time.perf_counter() - started, 1)
     return {"output": str(out), "jobs": done, "new_rows": rows, "failures": failures, "seconds": seconds}
 
@@ -63,7 +63,7 @@ def _shown(value: str | Path) -> str:
 
 
 @contextmanager
-def _executor(workers: int | None, dask: str | None) -> Iterator[tuple[Any, int]]:
+def executor(workers: int | None, dask: str | None) -> Iterator[tuple[Any, int]]:
     """The executor and how many jobs it runs at a time."""
     from o3dmark.campaign import dask_cluster, process_pool
 
@@ -80,7 +80,7 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[tuple[Any, int]
         yield pool, size
 
 
-def _bar() -> Progress:
+def bar() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     return Progress(*columns, TimeRemainingColumn(), console=console, transient=True, disable=not sys.stderr.isatty())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from o3dmark.cli._arguments import In, Json, Out, Overwrite
-from o3dmark.cli._talk import print_result, say, since
+from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.errors import MeshError, SpecError
 
 if TYPE_CHECKING:
@@ -120,7 +120,11 @@ def detect(
     reference: Reference = None,
     json: Json = False,
 ) -> None:
-    """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper."""
+    """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper.
+
+    With --message the question is whether it is that one: where another message of the same key reads better, the
+    answer is no.
+    """
     from o3dmark import marking
     from o3dmark.coding.keys import Key
     from o3dmark.files import open_shape, read_mesh
@@ -130,6 +134,8 @@ def detect(
     found = marking.detect(open_shape(source), mark, secret, message, reference=cover, false_positive_rate=fpr)
     about = {"method": mark.to_dict()["method"], "profile": _profile(method, profile), "part": found.part}
     print_result(found.detection.to_dict() | about | {"seconds": since(started)}, json)
+    if found.detection.other is not None:
+        say(f"another message reads better: {printable(found.detection.other)}")
     if not found.detection.present:
         raise typer.Exit(1)
 

@@ -1,6 +1,7 @@
 """How surely the mark is there: p-values, thresholds and intervals.
 
-The null hypothesis is "wrong key, or no mark". Every codeword is XORed with a keyed stream (see `payload`), so under
+The null hypothesis is "wrong key, no mark, or another's mark". Every codeword is XORed with a keyed stream, and what
+stands for another message or another copy is drawn from the key by itself (see `payload` and `identities`), so under
 the null each received sign agrees with the expected bit with probability 1/2, independently of the others and of the
 magnitudes, whatever the mesh and the method do. The p-values below are exact under that and under nothing else.
 
@@ -24,13 +25,17 @@ _LOG2 = math.log10(2)
 
 @dataclass(frozen=True)
 class Detection:
-    """The answer to "is our mark there?": how many bits agree, how probable that is by chance, the rate asked for."""
+    """The answer to "is our mark there?": how many bits agree, how probable that is by chance, the rate asked for.
+
+    ``other``: a message of the same key that reads better than the one that was asked about, if one does.
+    """
 
     log10_p: float
     matches: int
     n_bits: int
     false_positive_rate: float
     hypotheses: int = 1
+    other: str | None = None
 
     @property
     def p_value(self) -> float:
@@ -39,8 +44,8 @@ class Detection:
 
     @property
     def present(self) -> bool:
-        """Whether the p-value is within the false-positive rate that the caller named."""
-        return self.log10_p <= math.log10(self.false_positive_rate)
+        """Whether the p-value is within the false-positive rate that the caller named, and no message reads better."""
+        return self.other is None and self.log10_p <= math.log10(self.false_positive_rate)
 
     def to_dict(self) -> dict[str, Any]:
         """Every field, with ``present`` and ``p_value``, ready for JSON."""

@@ -67,6 +67,15 @@ class Key:
         except OSError as error:
             raise KeyFileError(f"cannot write the key file {str(path)!r}: {error.strerror}") from None
 
+    def derived(self, label: str) -> "Key":
+        """Another key that follows from this one, which nobody can find from it, nor from others of the kind."""
+        return Key(self.stream(f"key/{label}").read(_SECRET_BYTES))
+
+    @property
+    def fingerprint(self) -> str:
+        """16 hexadecimal digits that tell keys apart and nothing about them."""
+        return self.stream("fingerprint").read(8).hex()
+
     def stream(self, label: str) -> "Stream":
         """The pseudo-random stream that belongs to this key and ``label``; the same ten years on, on any machine."""
         return Stream(self.secret, label)
@@ -79,19 +88,20 @@ class Stream:
         self._source = hashlib.shake_256(_DOMAIN + b"\0" + secret + label.encode())
         self._position = 0
 
-    def _bytes(self, count: int) -> bytes:
+    def read(self, count: int) -> bytes:
+        """``count`` bytes."""
         start, self._position = self._position, self._position + count
         return self._source.digest(self._position)[start:]
 
     def uniform(self, count: int) -> NDArray[np.float64]:
         """``count`` numbers (count,) in [0, 1), each with 53 random bits."""
-        words = np.frombuffer(self._bytes(8 * count), "<u8")
+        words = np.frombuffer(self.read(8 * count), "<u8")
         return (words >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
     def bits(self, count: int) -> NDArray[np.uint8]:
         """``count`` fair bits (count,), 0 or 1."""
-        return np.unpackbits(np.frombuffer(self._bytes(-(-count // 8)), np.uint8))[:count]
+        return np.unpackbits(np.frombuffer(self.read(-(-count // 8)), np.uint8))[:count]
 
     def permutation(self, count: int) -> NDArray[np.int64]:
         """A permutation (count,) of 0 .. count - 1: the order that sorts ``count`` random words."""
-        return np.argsort(np.frombuffer(self._bytes(8 * count), "<u8"), kind="stable").astype(np.int64)
+        return np.argsort(np.frombuffer(self.read(8 * count), "<u8"), kind="stable").astype(np.int64)

@@ -1,12 +1,12 @@
-"""Messages and codewords: frame, error-correcting code, keyed whitening; and back from soft bits.
+"""Messages and codewords: frame, keyed permutation, error-correcting code, keyed whitening; and back from soft bits.
 
-    message -> frame (k,) -> codeword (n,) -> XOR keyed stream -> bits (n,)
+    message -> frame (k,) -> keyed permutation -> word (k,) -> codeword (n,) -> XOR keyed stream -> bits (n,)
 
-There are no check bits. Every bit beyond the frame serves correction, and the p-value of the nearest codeword decides
-whether a message is there: at most 2^k codewords could have been found, each by chance with the probability that
-`detection.sign_test` counts, and the whitening makes a wrong key and an unmarked mesh exactly such a chance. Sixteen
-check bits in a code of the same length were measured to do no better at the same false-positive rate, even with a list
-of candidates to check.
+The permutation makes the bits of any two messages independent (see `permutation`). There are no check bits. Every bit
+beyond the frame serves correction, and the p-value of the nearest codeword decides whether a message is there: at most
+2^k codewords could have been found, each by chance with the probability that `detection.sign_test` counts, and the
+whitening makes a wrong key and an unmarked mesh exactly such a chance. Sixteen check bits in a code of the same length
+were measured to do no better at the same false-positive rate, even with a list of candidates to check.
 """
 
 import abc
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from o3dmark.arrays import Bits
 from o3dmark.coding.detection import Detection, detect, weights
 from o3dmark.coding.keys import Key, Stream
+from o3dmark.coding.permutation import permuted, restored
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, option
 
@@ -106,7 +107,8 @@ class Code(abc.ABC):
         Errors: SpecError when the message is empty, malformed or too long; says how many bits it needs.
         """
         size = self.frame_bytes(n_bits)
-        return gf2_matmul(_frame(message, size), self.generator(_k(size), n_bits)) ^ _whitening(key, n_bits)
+        word = permuted(_frame(message, size), key)
+        return gf2_matmul(word, self.generator(_k(size), n_bits)) ^ _whitening(key, n_bits)
 
     def decode(self, soft: ArrayLike, key: Key, *, hypotheses: int = 1, false_positive_rate: float = 1e-4) -> Decoded:
         """The message in soft bits (n,): sign is the bit, magnitude the trust in it.
@@ -118,11 +120,11 @@ class Code(abc.ABC):
         n_bits = len(values)
         size = self.frame_bytes(n_bits)
         G, white = self.generator(_k(size), n_bits), _whitening(key, n_bits)
-        frame = decode_osd(G, (values > 0) ^ white, weights(values))
-        bits = gf2_matmul(frame, G) ^ white
-        charged = int(hypotheses) << len(frame)
+        word = decode_osd(G, (values > 0) ^ white, weights(values))
+        bits = gf2_matmul(word, G) ^ white
+        charged = int(hypotheses) << len(word)
         detection = detect(values, bits, false_positive_rate=false_positive_rate, hypotheses=charged)
-        return Decoded(_unframe(frame) if detection.present else None, detection)
+        return Decoded(_unframe(restored(word, key)) if detection.present else None, detection)
 
 
 @CODES.register("random")
@@ -237,7 +239,7 @@ def _needs() -> str:
 
 
 def _frame(message: str, size: int) -> Bits:
-    """The information word (2 + 8 size,): kind, then the bytes."""
+    """The frame (2 + 8 size,): kind, then the bytes."""
     if message.startswith("hex:"):
         try:
             content = bytes.fromhex(message[4:])
@@ -260,7 +262,7 @@ def _frame(message: str, size: int) -> Bits:
 
 
 def _unframe(frame: Bits) -> str | None:
-    """The message of an information word, or None when no message has that word."""
+    """The message of a frame, or None when no message has that frame."""
     kind, content = int(frame[:_KIND_BITS] @ [2, 1]), np.packbits(frame[_KIND_BITS:]).tobytes()
     try:
         if kind == _TEXT:

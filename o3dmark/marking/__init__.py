@@ -7,8 +7,21 @@ advice      what does work where a mark does not fit: tried, not guessed
 """
 
 from o3dmark.marking.advice import advice
-from o3dmark.marking.embedding import Left, Marked, embed
+from o3dmark.marking.embedding import Edition, Left, Marked, embed, mesh_of
 from o3dmark.marking.reading import PartDetection, PartReading, detect, extract
 from o3dmark.marking.views import View, views
 
-__all__ = ["Left", "Marked", "PartDetection", "PartReading", "View", "advice", "detect", "embed", "extract", "views"]
+__all__ = [
+    "Edition",
+    "Left",
+    "Marked",
+    "PartDetection",
+    "PartReading",
+    "View",
+    "advice",
+    "detect",
+    "embed",
+    "extract",
+    "mesh_of",
+    "views",
+]

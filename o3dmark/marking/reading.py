@@ -56,16 +56,24 @@ def detect(
     reference: Any = None,
     false_positive_rate: float = 1e-6,
 ) -> PartDetection:
-    """Is the mark in an `Asset`, mesh or point cloud? As `Watermark.detect`, in the part that shows it best."""
+    """Is the mark in an `Asset`, mesh or point cloud? As `Watermark.detect`, in the part that shows it best.
+
+    Where no part does, the answer is that of one that shows another message, if any.
+    """
     best: PartDetection | None = None
     for part, extraction in _extractions(received, watermark, key, reference):
         found = watermark.test(extraction, key, message, false_positive_rate=false_positive_rate)
-        if best is None or found.log10_p < best.detection.log10_p:
+        if best is None or _telling(found) < _telling(best.detection):
             best = PartDetection(part, found)
         if best.detection.present:
             break
     assert best is not None
     return best
+
+
+def _telling(detection: Detection) -> tuple[bool, bool, float]:
+    """The less the more a detection tells."""
+    return not detection.present, detection.other is None, detection.log10_p
 
 
 def _extractions(received: Any, watermark: Watermark, key: Key, reference: Any) -> Iterator[tuple[str, Extraction]]:

@@ -93,10 +93,18 @@ class Method(abc.ABC):
 
     @abc.abstractmethod
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
-        """A copy of ``mesh`` (Open3D triangle mesh) that carries ``bits`` (n,).
+        """A copy of ``mesh`` (Open3D triangle mesh, or what `prepare` returns) that carries ``bits`` (n,).
 
         Errors: MeshError for a mesh that cannot carry a mark, CapacityError (says how many fit) for too many bits.
         """
+
+    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:  # noqa: ARG002
+        """What `embed` finds out of ``mesh`` whatever the bits, once; it takes that in place of the mesh.
+
+        For copies of one mesh that differ in their bits. Such a copy is not read back by `embed`: who asks for it
+        reads what he writes. Errors: as in `embed`.
+        """
+        return mesh
 
     def observe(self, mesh: Any) -> Any:
         """What ``mesh`` shows whatever the key, worked out once; `extract` takes it in place of the mesh.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.mesh import geometry
@@ -77,3 +78,19 @@ def normal_rms(solid: Solid, displacement: Floats) -> float:
     n = len(solid.movable)
     real = (solid.triangles < n).all(axis=1)
     return geometry.normal_rms(solid.area_vectors[real], displacement[solid.triangles[real]])
+
+
+def normal_square(solid: Solid, directions: Floats) -> sp.csr_array:
+    """The form P (n_mesh, n_mesh) of motions along ``directions`` (n_mesh, 3): d' P d is the square of `normal_rms`.
+
+    d (n_mesh,) says how far each vertex of the mesh goes.
+    """
+    n = len(solid.movable)
+    real = (solid.triangles < n).all(axis=1)
+    triangles, size = solid.triangles[real], solid.areas[real]
+    face = geometry.unit(solid.area_vectors[real])
+    speed = np.einsum("mcd,md->mc", directions[triangles], face)  # of each corner, along the triangle's normal
+    weight = (1.0 + np.eye(3)) / 12.0  # the mean over a triangle of the product of two corners' hat functions
+    entries = np.einsum("m,ma,mb,ab->mab", size / size.sum(), speed, speed, weight)
+    rows, columns = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, 3).ravel()
+    return sp.coo_array((entries.ravel(), (rows, columns)), shape=(n, n)).tocsr()

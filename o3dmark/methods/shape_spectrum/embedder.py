@@ -18,11 +18,11 @@ from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.solid.frame import FrameFormat, rules
 from o3dmark.solid.quadrature import samples
-from o3dmark.solid.solid import Solid, normal_rms
+from o3dmark.solid.solid import Solid, normal_rms, normal_square
 from o3dmark.solid.spectrum import LONGEST_EDGE, Spectrum
 
 # Fourteen marks on bimba, cup, ant, vase, flower, cat_7949 and octa_flower (two keys each) chose these:
-INITIAL_RATIO = 0.9  # real motion over the planned one, until some were carried out and their mean is known
+INITIAL_RATIO = 0.99  # real motion over the planned one, until some were carried out and their mean is known
 _LIMIT_MARGIN = 0.995  # of the limit: the exact distance was up to 0.2 % above the first-order one
 _MAX_RATIO = 1.2  # what one solution that went astray may count for in that mean
 _MAX_CANDIDATES = 16  # plans carried out before the mesh is refused: the seventh at the latest was accepted
@@ -98,8 +98,7 @@ class Cover:
     @cached_property
     def metric(self) -> Floats:
         """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
-        area = self._seen.vertex_areas
-        return np.asarray((self.basis * area) @ self.basis.T / area.sum())
+        return np.asarray(self.basis @ normal_square(self.solid, self.normals) @ self.basis.T)
 
     def moved(self, change: Floats) -> Floats:
         """Vertices (n, 3) after the motion for a ``change`` (K,) of the projections, to first order."""

@@ -25,13 +25,14 @@ _MIN_KNOTS = 3  # surfaces that a spline through them needs
 class Measurement:
     """A hypothesis as a key measures it: values (K,) and jacobian (K, 8), by seven frame motions and by bulging.
 
-    ``covariance`` (8, 8) of these motions under vertex noise that gives each projection unit variance. The words for
-    people are those of an `Extraction`.
+    ``covariance`` (8, 8) of these motions under vertex noise that gives each projection unit variance. It and the
+    jacobian are for fitting, None where the hypothesis is not made for that. The words for people are those of an
+    `Extraction`.
     """
 
     values: Floats
-    jacobian: Floats
-    covariance: Floats
+    jacobian: Floats | None
+    covariance: Floats | None
     view: str
     smoothing: str | None = None
     passes: int = 0
@@ -43,7 +44,7 @@ class FrameHypothesis:
 
     frame: Frame
     spectrum: Spectrum
-    covariance: Floats  # as in a Measurement, in the frame as it is
+    covariance: Floats | None = None  # as in a Measurement, in the frame as it is; the spectrum then has its gradient
     bulge: Spectrum | None = None  # the change when the surface bulges fully
     bulging: float = 0.0  # the share of it to start from
     symmetry: Floats = field(default_factory=lambda: np.eye(3))
@@ -57,7 +58,12 @@ class FrameHypothesis:
 
     def measurements(self, projections: Projections) -> Iterator[Measurement]:
         """The one measurement that this hypothesis has."""
-        spectrum, hand = self.spectrum.turned(self.symmetry), np.linalg.det(self.symmetry)
+        hand = np.linalg.det(self.symmetry)
+        view = self.view + (", mirrored" if hand < 0 else "")
+        if self.covariance is None:
+            yield Measurement(self.values(projections), None, None, view, self.smoothing, self.passes)
+            return
+        spectrum = self.spectrum.turned(self.symmetry)
         motions = spectrum.frame_derivative()
         bulge = np.zeros_like(motions[0]) if self.bulge is None else self.bulge.turned(self.symmetry).values
         turn = block_diag(self.symmetry, hand * self.symmetry, 1.0, 1.0)  # a rotation vector is an axial one
@@ -65,7 +71,7 @@ class FrameHypothesis:
             projections(spectrum.values + self.bulging * bulge),
             projections(np.concatenate([motions, bulge[None]])).T,
             turn @ self.covariance @ turn.T,
-            self.view + (", mirrored" if hand < 0 else ""),
+            view,
             self.smoothing,
             self.passes,
         )

@@ -36,12 +36,20 @@ def closest_vectors(M: Floats, t: Floats) -> Candidates:
         side = np.where(centre < nearest, -1.0, 1.0)
         value = nearest[:, None] + side[:, None] * _TURNS
         total = cost[:, None] + (R[i, i] * (value - centre[:, None])) ** 2
-        kept = np.argsort(total, axis=None, kind="stable")[:_LIST]
+        kept = _least(total.ravel())
         z, cost = z[kept // len(_TURNS)], total.ravel()[kept]
         z[:, i] = value.ravel()[kept]
+    cheapest = np.argsort(cost, kind="stable")
     back = np.empty_like(z)
-    back[:, order] = z
-    return Candidates(np.rint(back).astype(np.int64), cost)
+    back[:, order] = z[cheapest]
+    return Candidates(np.rint(back).astype(np.int64), cost[cheapest])
+
+
+def _least(cost: Floats) -> Ints:
+    """Where the few hundred least are, in ascending order of place; a full sort would take most of the search."""
+    if len(cost) <= _LIST:
+        return np.arange(len(cost))
+    return np.sort(np.argpartition(cost, _LIST)[:_LIST])
 
 
 def _surest_last(M: Floats) -> Ints:

@@ -21,8 +21,9 @@ mesh (see `scs.coherence_log10p`). The judgement looks at the values modulo half
 wrong key, each bit remains a fair coin. All the readings tried are counted nevertheless.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,13 @@ from o3dmark.solid.spectrum import Band
 _VERTICES_PER_BIT = 8
 _MAX_BITS = 128
 _EXPECTED_STEP = 3.7  # as `format`'s unit, over area x diagonal / scale^3: 3.1 to 4.3 on meshes, sheets down to 1.8
+
+
+class Prepared(NamedTuple):
+    """A mesh about to be marked, as given and as the writer of a key's bits sees it."""
+
+    mesh: Any
+    cover: Cover
 
 
 @METHODS.register("shape-spectrum")
@@ -88,19 +96,19 @@ class ShapeSpectrum(Method):
         """A fragment is read with the cover at hand; a whole mesh needs none."""
         return True
 
-    @one_thread()
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
-        surface, message = Surface.of(mesh), np.asarray(bits, np.uint8).ravel()
-        cover, limit = self.cover(surface, key, len(message)), self.mrms * surface.diagonal
-        choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
-        vertices = least_motion(cover, choices, limit, lambda moved: self._reads(surface.moved(moved), message, key))
-        if vertices is None:
-            raise MeshError(
-                f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
-                " can be read back: it may be too slender for waves of this length, or pass through itself"
-            )
-        return with_vertices(mesh, surface, vertices)
+        message = np.asarray(bits, np.uint8).ravel()
+        if isinstance(mesh, Prepared):
+            return self._written(mesh, message, lambda _: True)
+        prepared = self.prepare(mesh, len(message), key)
+        surface = prepared.cover.surface
+        return self._written(prepared, message, lambda moved: self._reads(surface.moved(moved), message, key))
+
+    @one_thread()
+    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Prepared:
+        """See `Method.prepare`."""
+        return Prepared(mesh, self.cover(Surface.of(mesh), key, n_bits))
 
     @one_thread()
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
@@ -149,6 +157,20 @@ class ShapeSpectrum(Method):
         """What reads a key's bits from the hypotheses about any mesh."""
         expected = _EXPECTED_STEP * FORMATS[self.format].share(self.mrms, n_bits)
         return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected)
+
+    @one_thread()
+    def _written(self, prepared: Prepared, message: Bits, reads: Callable[[Floats], bool]) -> Any:
+        """The prepared mesh with the bits; those ways to write them that can be read, as ``reads`` says of vertices."""
+        mesh, cover = prepared
+        limit = self.mrms * cover.surface.diagonal
+        choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
+        vertices = least_motion(cover, choices, limit, reads)
+        if vertices is None:
+            raise MeshError(
+                f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
+                " can be read back: it may be too slender for waves of this length, or pass through itself"
+            )
+        return with_vertices(mesh, cover.surface, vertices)
 
     def _hypotheses(self, received: Surface) -> Hypotheses:
         return Hypotheses(received, self.band, FORMATS[self.format].frame, search=self.search)

@@ -86,11 +86,11 @@ class Hypotheses:
         except MeshError:
             return
         rule, frames = choices[0], choices[0].frames(solid)
-        first = self._seen(rule, solid, frames[0])
-        self.area_diagonal_ratio = self.received.area * self.received.diagonal / first.frame.scale**3
-        yield Round([first], fit=False)
+        self.area_diagonal_ratio = self.received.area * self.received.diagonal / frames[0].scale ** 3
+        yield Round([FrameHypothesis(frames[0], Spectrum.of_solid(self.band, frames[0].solid(solid)))], fit=False)
         if not self.search:
             return
+        first = self._seen(rule, solid, frames[0])
         ambiguities = rule.ambiguities(solid, frames)
         yield Round(_every([first], ambiguities), fit=True)
         if len(self.received.triangles) < _MAX_COARSE:
@@ -100,7 +100,7 @@ class Hypotheses:
         yield from self._unsmoothed(solid, rule, first, ambiguities)
 
     def _seen(self, rule: FrameRule, solid: Solid, frame: Frame) -> FrameHypothesis:
-        """A solid in one of the frames of a rule."""
+        """A solid in one of the frames of a rule, with all that it takes to fit the frame."""
         seen = frame.solid(solid)
         normals = geometry.unit(solid.vertex_area_vectors) * solid.movable[:, None]
         response = rule.response(solid, frame, normals)

@@ -1,0 +1,192 @@
+"""Tracing: whose copy is a file? Every view of it is read with the keys of all assets, and laid on all codewords.
+
+An innocent's codeword is fair coins to whatever was read (see `coding.identities`), so the p-value of the best
+candidate, charged for every candidate, reading, view and pass, is the probability that some innocent would be named.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from itertools import groupby
+from typing import Any
+
+from o3dmark.arrays import Bits
+from o3dmark.coding.identities import Candidate, codewords, nearest
+from o3dmark.coding.keys import Key
+from o3dmark.copies.chain import Copy
+from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
+from o3dmark.errors import MeshError
+from o3dmark.files import Asset
+from o3dmark.marking import View, mesh_of, views
+from o3dmark.methods import Extraction, Method
+from o3dmark.watermark import Watermark
+
+_PASSES = 2  # the quick look, which reads most, and the search
+_MOST_COVERS = 4  # parts of a reference that are laid beside each view, the largest
+
+
+@dataclass(frozen=True)
+class Named:
+    """A copy as a candidate: log10 of the p-value, all charged, and how many of its bits agree with the reading."""
+
+    copy: Copy
+    log10_p: float
+    matches: int
+
+    @property
+    def p_value(self) -> float:
+        """The probability that some innocent's copy would agree as well with what was read."""
+        return float(10.0**self.log10_p)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Whose copy it is, if it is one's.
+
+    best, runner_up: the candidates that agree best; None where there are none. part: what of the file spoke, and
+    how it was read (``view``). candidates: how many copies could have been named.
+    """
+
+    best: Named | None
+    runner_up: Named | None
+    candidates: int
+    false_positive_rate: float
+    part: str = ""
+    view: str = ""
+    informed: bool = False
+
+    @property
+    def found(self) -> bool:
+        """Whether the best candidate is named: with a p-value within the rate asked for."""
+        return self.best is not None and self.best.log10_p <= math.log10(self.false_positive_rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """The copies of one asset that were made with one key, and what reads them."""
+
+    key: Key
+    copies: tuple[Copy, ...]
+
+    @property
+    def asset(self) -> str:
+        return self.copies[0].asset
+
+    @cached_property
+    def watermark(self) -> Watermark:
+        return copies_watermark(self.copies[0].profile, self.copies[0].n_bits)
+
+    @cached_property
+    def words(self) -> Bits:
+        """The codewords (N, n_bits) of the copies."""
+        return codewords(self.key, [copy.name for copy in self.copies], self.watermark.n_bits)
+
+
+@dataclass
+class Tracer:
+    """Copies and keys, ready for any number of suspects.
+
+    ``reference``, the unmarked asset, lets fragments be read; it serves the copies that were made of it.
+    """
+
+    batches: tuple[Batch, ...]
+    reference: Asset | None = None
+    false_positive_rate: float = 1e-6
+    candidates: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.candidates = sum(len(batch.copies) for batch in self.batches)
+
+    @classmethod
+    def of(cls, copies: Iterable[Copy], keys: Sequence[Key], **options: Any) -> "Tracer":
+        """For the copies of any ledgers, each under every key. Errors: SpecError for a profile that is not known."""
+
+        def kind(copy: Copy) -> tuple[str, str, int]:
+            return copy.asset, copy.profile, copy.n_bits
+
+        groups = [tuple(group) for _, group in groupby(sorted(copies, key=kind), kind)]
+        return cls(tuple(Batch(asset_key(key, group[0].asset), group) for group in groups for key in keys), **options)
+
+    def trace(self, received: Any) -> Trace:
+        """Whose copy an asset, mesh or point cloud is. Errors: MeshError when nothing of it can be read."""
+        looked_at, covers = views(received), self._covers
+        readings = _PASSES * len(looked_at) * (1 + len(covers))
+        found = Trace(None, None, self.candidates, self.false_positive_rate)
+        error: MeshError | None = None
+        read = False
+        for batch, part, extraction, informed in self._extractions(looked_at, covers):
+            if isinstance(extraction, MeshError):
+                error = error or extraction
+                continue
+            read = True
+            found = self._better(found, batch, part, extraction, readings, informed)
+            if found.found:
+                break
+        if not read:
+            raise error or MeshError("there is nothing to read")
+        return found
+
+    def _better(
+        self, found: Trace, batch: Batch, part: str, extraction: Extraction, readings: int, informed: bool
+    ) -> Trace:
+        """The more telling of what was found and what an extraction shows."""
+        soft = extraction.soft[None] if extraction.readings is None else extraction.readings
+        charged = max(extraction.hypotheses, len(soft)) * readings * self.candidates
+        best, *others = (_named(batch, each) for each in nearest(soft, batch.words, charged))
+        if found.best is not None and found.best.log10_p <= best.log10_p:
+            return found
+        runner_up = others[0] if others else None
+        return replace(found, best=best, runner_up=runner_up, part=part, view=extraction.note, informed=informed)
+
+    def _extractions(
+        self, looked_at: Sequence[View], covers: Sequence[Any]
+    ) -> Iterator[tuple[Batch, str, Extraction | MeshError, bool]]:
+        """What each view shows under each batch's key: at first sight, after a search, beside the reference."""
+        for quick in (True, False):
+            for view in looked_at:
+                seen: dict[Method, Any] = {}
+                for batch in self.batches:
+                    method = _quick(batch.watermark.method) if quick else batch.watermark.method
+                    yield batch, view.part, _extracted(method, view.shape, batch, seen), False
+        for view in looked_at:
+            for batch in self.batches:
+                if self._serves(batch):
+                    for cover in covers:
+                        method = batch.watermark.method
+                        yield batch, view.part, _extracted(method, view.shape, batch, {}, cover), True
+
+    @cached_property
+    def _covers(self) -> list[Any]:
+        if self.reference is None:
+            return []
+        parts = sorted(self.reference.parts, key=lambda part: -len(part.vertices))
+        return [mesh_of(part) for part in parts[:_MOST_COVERS]]
+
+    def _serves(self, batch: Batch) -> bool:
+        """Whether the reference is what the copies of an batch were made of, or, if of none, may be of any."""
+        digest = asset_digest(self.reference) if self.reference is not None else ""
+        return batch.asset == digest or all(each.asset != digest for each in self.batches)
+
+
+def _named(batch: Batch, candidate: Candidate) -> Named:
+    return Named(batch.copies[candidate.index], candidate.log10_p, candidate.matches)
+
+
+def _quick(method: Method) -> Method:
+    """A method that looks at what is as it was received, if it knows the difference."""
+    if any(each.name == "search" for each in fields(method)):
+        return replace(method, search=False)  # type: ignore[call-arg]
+    return method
+
+
+def _extracted(
+    method: Method, shape: Any, batch: Batch, seen: dict[Method, Any], cover: Any = None
+) -> Extraction | MeshError:
+    """What a shape shows under a key; ``seen`` keeps what it shows whatever the key."""
+    try:
+        if method not in seen:
+            seen[method] = method.observe(shape)
+        return method.extract(seen[method], batch.watermark.n_bits, batch.key, reference=cover)
+    except MeshError as error:
+        return error
