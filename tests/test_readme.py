@@ -3,6 +3,8 @@
 import importlib
 import re
 import shlex
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +116,40 @@ def test_the_campaign_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.Monke
     assert "Somebody 2020" in (tmp_path / OWN / "report.md").read_text(encoding="utf-8")
 
 
+@pytest.fixture
+def ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The ledger of docs/copies.md, made by its last block; the working folder holds it and the files of its copy."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "copies" / "bust").mkdir(parents=True)
+    (tmp_path / "copies" / "bust" / "7.glb").write_text("b")
+    exec(compile(code(ROOT / "docs" / "copies.md", "python")[-1], "copies.md", "exec"), {})
+    return tmp_path / "copies.db"
+
+
+def test_the_commands_of_the_copies_page_work(ledger: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for line in commands(ROOT / "docs" / "copies.md"):
+        run(line)
+    assert "buyer 7, Rome" in capsys.readouterr().out
+
+
+def test_the_copies_page_s_lines_verify_a_ledger_without_o3dmark(
+    ledger: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = compile(code(ROOT / "docs" / "copies.md", "python")[0], "copies.md", "exec")
+    capsys.readouterr()
+    run("o3dmark ledger commit copies.db")
+    head = capsys.readouterr().out
+    exec(lines, {})
+    assert capsys.readouterr().out == head
+    with closing(sqlite3.connect(ledger)) as connection, connection:
+        connection.execute("UPDATE copies SET name = 'buyer 8, Rome'")
+    with pytest.raises(AssertionError, match="row 1 does not fit"):
+        exec(lines, {})
+
+
 def test_other_pages_show_no_command_that_is_not_run() -> None:
     shown = {page.name for page in PAGES if commands(page)}
-    assert shown == {"README.md", "methods.md", "campaigns.md"}
+    assert shown == {"README.md", "methods.md", "campaigns.md", "copies.md"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

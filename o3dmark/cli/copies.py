@@ -114,7 +114,7 @@ def _words(found: "Verification", head: str | None, files: Path | None) -> Itera
     if head is not None and found.strange:
         yield f"The commitment {head} is not to this ledger: the chain never had that head."
     elif head is not None:
-        yield f"The commitment is to this ledger, as it was at {found.committed} of its copies."
+        yield f"The commitment is to this ledger, and to its copies up to number {found.committed}."
     if files is not None and not (found.missing or found.changed):
         yield f"Each file of the copies is in {files}, as it was entered."
     yield from (f"missing: {path}" for path in found.missing)

@@ -1,7 +1,8 @@
 """Copies: who was given which file, and whose a file is that turned up.
 
 chain           the rows of a ledger   -> its head; the first row that does not fit
-ledger          entries -> copies in an SQLite file, entered together or not at all
+storage         a path                 -> an SQLite file that a kill or a loss of power leaves whole
+ledger          entries                -> copies, entered together or not at all
 verification    a ledger, a folder     -> what does not agree
 buyers          a CSV file             -> the names of those who get a copy
 issuing         an asset, names, a key -> marked files, each entered before it appears

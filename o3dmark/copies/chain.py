@@ -109,7 +109,7 @@ def entered(entry: Entry, number: int, made: str, previous: str) -> Copy:
 
 
 def next_head(previous: str, row: Row) -> str:
-    """The head (64 hexadecimal digits) after ``row``. Errors: TypeError for columns that are neither text nor number."""
+    """The head (64 hexadecimal digits) after ``row``. Errors: TypeError for bytes in a column."""
     return sha256(_canonical([previous, *row]).encode()).hexdigest()
 
 
@@ -140,6 +140,8 @@ def _follows(previous: str, row: Row, head: str) -> bool:
 
 
 def _is_unicode(text: str) -> bool:
+    if text.isascii():  # sooner said
+        return True
     try:
         text.encode()
     except UnicodeEncodeError:
