@@ -8,6 +8,7 @@ import sys
 import tarfile
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,12 @@ def test_an_asset_that_changed_is_refused(asset: Path, key: Key, tmp_path: Path)
     write_mesh(changed, mesh.translate((1.0, 0.0, 0.0)))
     with pytest.raises(LedgerError, match="changed since"):
         issued(changed, ["b"], key, tmp_path)
+
+
+def test_another_key_for_the_same_asset_is_refused(asset: Path, key: Key, tmp_path: Path) -> None:
+    issued(asset, ["a"], key, tmp_path)
+    with pytest.raises(LedgerError, match="another key"):
+        issued(asset, ["b"], Key(bytes(32)), tmp_path)
 
 
 def test_other_parameters_for_the_same_asset_are_refused(asset: Path, key: Key, tmp_path: Path) -> None:
@@ -272,13 +279,14 @@ def test_a_copy_is_traced_after_what_the_world_did_to_it(name: str, shop: Path, 
     assert (found.candidates, found.part) == (len(NAMES), "all of it")
 
 
-def test_nobody_is_named_of_the_asset_itself_of_a_stranger_s_copy_or_under_another_key(
+def test_nobody_is_named_of_the_asset_itself_or_of_a_stranger_s_copy(
     shop: Path, asset: Path, key: Key, tmp_path: Path
 ) -> None:
     issued(asset, ["a stranger"], key, tmp_path)
     for mesh in (read_mesh(asset), read_mesh(copy_of(tmp_path, "a stranger"))):
         assert not tracer(shop, key).trace(mesh).found
-    assert not tracer(shop, Key(bytes(32))).trace(read_mesh(copy_of(shop, "b1"))).found
+    with pytest.raises(LedgerError, match="no copy in the ledger was made with a key that was given"):
+        tracer(shop, Key(bytes(32)))
     assert tracer(shop, Key(bytes(32)), key).trace(read_mesh(copy_of(shop, "b1"))).found
 
 
@@ -291,10 +299,15 @@ def test_a_mixture_of_three_names_no_fourth(shop: Path, asset: Path, key: Key) -
 
 def test_every_candidate_reading_view_and_pass_is_charged(shop: Path, key: Key) -> None:
     mesh = read_mesh(copy_of(shop, "b1"))
-    one = tracer(shop, key).trace(mesh)
-    two = tracer(shop, key, Key(bytes(32))).trace(mesh)
-    assert (one.candidates, two.candidates) == (5, 10)
-    assert two.best.log10_p == pytest.approx(one.best.log10_p + np.log10(2), abs=1e-9)
+    found = tracer(shop, key).trace(mesh)
+    assert found.candidates == len(NAMES)
+    steps, views, passes = 45, 1, 2
+    charged = np.log10(len(NAMES) * steps * views * passes)
+    assert found.best.log10_p == pytest.approx(-64 * np.log10(2) + charged, abs=1.0)  # all bits, not all trusted alike
+    with Ledger(shop / "copies.db") as ledger:
+        more = [replace(copy, name=f"{copy.name} {number}") for copy in ledger.copies() for number in range(20)]
+        crowd = Tracer.of([*ledger.copies(), *more], [key]).trace(mesh)
+    assert crowd.best.log10_p == pytest.approx(found.best.log10_p + np.log10(21), abs=1e-9)
 
 
 def test_a_fragment_is_traced_beside_the_asset(shop: Path, asset: Path, key: Key) -> None:
@@ -378,12 +391,13 @@ def test_the_commands(asset: Path, key: Key, tmp_path: Path, monkeypatch: pytest
     assert not leave.value.code
     assert "spot.ply: Found: the copy of b2. The chance that this is a mistake is 1 in 10^1" in capsys.readouterr().out
     with pytest.raises(SystemExit) as leave:
-        main(["trace", str(asset), "buyers.csv", *common, "--json"])
+        main(["trace", *report["output"], "buyers.csv", *common, "--json"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert leave.value.code == 3
-    assert [line["found"] for line in lines] == [False, False]
-    assert lines[1]["error"] == "MeshError"
+    assert not leave.value.code
+    assert [(line["found"], line.get("copy")) for line in lines] == [(True, "b1"), (True, "b2"), (False, None)]
+    assert lines[2]["error"] == "MeshError"
     assert {"file", "found", "copy", "copies", "p_value", "runner_up", "part", "layer", "seconds"} <= lines[0].keys()
+    assert run(capsys, "trace", "buyers.csv", *common)[0] == 3
     assert run(capsys, "trace", asset, *common)[0] == 1
     code, _, err = run(capsys, "trace", asset, *common, "--reference", report["output"][0])
     assert code == 3

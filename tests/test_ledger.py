@@ -189,6 +189,7 @@ def test_names_are_kept_to_the_letter_and_once(growing: Path, names: list[str]) 
         ({"mrms": float("inf")}, "distortion of inf"),
         ({"mrms": -1.0}, "distortion of -1"),
         ({"n_bits": 0}, "0 bits"),
+        ({"key": "K" * 16}, "no fingerprint"),
     ],
 )
 def test_what_is_no_copy_is_refused(fields: dict[str, Any], why: str) -> None:
@@ -213,7 +214,7 @@ def test_the_chain_is_frozen() -> None:
     assert EMPTY == "7bb29eb27385b43ee585400a319dbc5586b28ae2f7cefee17df4622f54d3a3a1"
     name = 'b1, "Rome"\\\n\x01\x7f\u2028名\U0001f600'
     copy = Copy(**vars(entry(name)), number=1, made="2026-11-26T09:30:00Z", head="")
-    assert next_head(EMPTY, copy.row) == "03cdf0f6defba8700656654129abb2b52e26f38f7482d951034b7a397c6c04cc"
+    assert next_head(EMPTY, copy.row) == "2b9f2b43042b25ab9d4d4cb81d160a8957c85e7c0c1b3506c2e7c279a4e01dad"
     assert len(copy.row) == len(COLUMNS)
 
 
@@ -223,6 +224,7 @@ CHANGES = {
     "name": "'b6'",
     "made": "'2026-11-26T09:30:01Z'",
     "profile": "'slender-2026'",
+    "key": "'0000000000000000'",
     "n_bits": "65",
     "mrms": "'0.00057'",
     "files": "'[]'",
@@ -260,6 +262,11 @@ def swap(*columns: str) -> list[str]:
     ]
 
 
+def put_in(number: int) -> str:
+    columns = "asset, source, 'x', made, key, profile, 1, mrms, files, head"
+    return f"INSERT INTO copies SELECT {number}, {columns} FROM copies LIMIT 1"
+
+
 @pytest.mark.parametrize(
     ("lines", "first"),
     [
@@ -272,9 +279,9 @@ def swap(*columns: str) -> list[str]:
         (["DELETE FROM copies"], "number 1 is missing, the first of 5 at the end"),
         (swap(*COLUMNS[1:]), "number 2 "),
         (swap(*COLUMNS[1:], "head"), "number 2 "),
-        (["INSERT INTO copies SELECT 0, asset, source, 'x', made, profile, 1, mrms, files, head FROM copies LIMIT 1"],
+        ([put_in(0)],
          "number 1 is missing; the next one is 0"),
-        (["INSERT INTO copies SELECT 6, asset, source, 'x', made, profile, 1, mrms, files, head FROM copies LIMIT 1"],
+        ([put_in(6)],
          "number 6 "),
         (["UPDATE ledger SET head = 'x'"], "the head that it states is not that of number 5"),
         (["UPDATE ledger SET copies = 4"], "number 5 was put in"),

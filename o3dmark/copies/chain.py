@@ -17,10 +17,22 @@ from hashlib import sha256
 from o3dmark.errors import LedgerError
 
 EMPTY = sha256(b"o3dmark copies 1").hexdigest()
-COLUMNS = ("number", "asset", "source", "name", "made", "profile", "n_bits", "mrms", "files")  # as they are hashed
+COLUMNS = (
+    "number",
+    "asset",
+    "source",
+    "name",
+    "made",
+    "key",
+    "profile",
+    "n_bits",
+    "mrms",
+    "files",
+)  # as they are hashed
 
 Row = tuple[int | str, ...]  # the columns, without the head
 _DIGEST = re.compile(r"[0-9a-f]{64}")
+_FINGERPRINT = re.compile(r"[0-9a-f]{16}")
 _MADE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
 _canonical = json.JSONEncoder(ensure_ascii=False, separators=(",", ":")).encode
 
@@ -30,7 +42,8 @@ class Entry:
     """A copy that was made, to be entered in a ledger.
 
     asset: SHA-256 of the unmarked asset, 64 hexadecimal digits; source: the name of its file; name: whose copy it is,
-    any text, unique within the asset; profile: the published parameters of the mark; n_bits: of its codeword; mrms: the
+    any text, unique within the asset; key: the fingerprint of the asset's key, 16 digits, which tells that key from
+    others and nothing about it; profile: the published parameters of the mark; n_bits: of its codeword; mrms: the
     distortion, over the bounding-box diagonal; files: the path and SHA-256 of each file of the copy, the main one
     first, the paths relative to the folder that all copies went to, with "/" between names.
     Errors: LedgerError for an empty name, and for what cannot stand in a ledger.
@@ -39,6 +52,7 @@ class Entry:
     asset: str
     source: str
     name: str
+    key: str
     profile: str
     n_bits: int
     mrms: float
@@ -55,6 +69,8 @@ class Entry:
         for digest in (self.asset, *(digest for _, digest in self.files)):
             if not _DIGEST.fullmatch(digest):
                 raise LedgerError(f"{digest!r} is no SHA-256 in 64 lower-case hexadecimal digits")
+        if not _FINGERPRINT.fullmatch(self.key):
+            raise LedgerError(f"{self.key!r} is no fingerprint of a key in 16 lower-case hexadecimal digits")
         for path, _ in self.files:
             if not _stays_inside(path):
                 raise LedgerError(f"the path {path!r} does not lie in the folder of the copies, written with '/'")
@@ -91,12 +107,12 @@ class Copy(Entry):
     @classmethod
     def of_row(cls, row: Row, head: str) -> "Copy":
         """What `row` gave. Errors: LedgerError for columns that hold something else."""
-        number, asset, source, name, made, profile, n_bits, mrms, files = row
+        number, asset, source, name, made, key, profile, n_bits, mrms, files = row
         try:
             pairs = tuple((str(path), str(digest)) for path, digest in json.loads(str(files)))
             if not _MADE.fullmatch(str(made)):
                 raise ValueError(made)
-            texts = str(asset), str(source), str(name), str(profile)
+            texts = str(asset), str(source), str(name), str(key), str(profile)
             return cls(*texts, int(n_bits), float(mrms), pairs, int(number), str(made), head)
         except (ValueError, TypeError, LedgerError) as error:
             raise LedgerError(f"row {number} of the ledger describes no copy: {error}") from None

@@ -169,7 +169,8 @@ def written(order: Order, name: str) -> Entry:
     paths = [Path(asset.name, folder_of(name), file.relative_to(draft)).as_posix() for file in files]
     digests = [digest_of(file) for file in files]
     pairs = tuple(zip(paths, digests, strict=True))
-    return Entry(order.asset, asset.name, name, order.profile, order.n_bits, _distortion(marked), pairs)
+    key = order.key.fingerprint
+    return Entry(order.asset, asset.name, name, key, order.profile, order.n_bits, _distortion(marked), pairs)
 
 
 @lru_cache(maxsize=1)
@@ -189,6 +190,8 @@ def _check_unchanged(order: Order, known: Iterable[Copy]) -> None:
     source = Path(order.path).name
     others = {copy.asset for copy in known if copy.source == source} - {order.asset}
     mine = {(copy.profile, copy.n_bits) for copy in known if copy.asset == order.asset}
+    if any(copy.asset == order.asset and copy.key != order.key.fingerprint for copy in known):
+        raise LedgerError(f"the copies of {source} that the ledger has were made with another key")
     if others and not mine:
         raise LedgerError(
             f"the ledger has copies of another {source} (SHA-256 {min(others)[:12]}...): it has changed since. Bring"

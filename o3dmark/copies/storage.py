@@ -1,6 +1,6 @@
 """The SQLite file of a ledger: made whole or not at all, recognised, and its errors in words that say what to do.
 
-table copies    number, asset, source, name, made, profile, n_bits, mrms, files, head    a row a copy
+table copies    number, asset, source, name, made, key, profile, n_bits, mrms, files, head    a row a copy
 table ledger    copies, head                                      one row: how many there are, the latest head
 """
 
@@ -18,8 +18,8 @@ APPLICATION = 0x6F33646D  # "o3dm", in the header of the file
 FORMAT = 1  # user_version in the header; another is another format
 SCHEMA = (
     "CREATE TABLE copies (number INTEGER PRIMARY KEY, asset TEXT NOT NULL, source TEXT NOT NULL, name TEXT NOT NULL,"
-    " made TEXT NOT NULL, profile TEXT NOT NULL, n_bits INTEGER NOT NULL, mrms TEXT NOT NULL, files TEXT NOT NULL,"
-    " head TEXT NOT NULL, UNIQUE (asset, name))",
+    " made TEXT NOT NULL, key TEXT NOT NULL, profile TEXT NOT NULL, n_bits INTEGER NOT NULL, mrms TEXT NOT NULL,"
+    " files TEXT NOT NULL, head TEXT NOT NULL, UNIQUE (asset, name))",
     "CREATE TABLE ledger (copies INTEGER NOT NULL, head TEXT NOT NULL)",
 )
 

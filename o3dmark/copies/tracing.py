@@ -16,7 +16,7 @@ from o3dmark.coding.identities import Candidate, codewords, nearest
 from o3dmark.coding.keys import Key
 from o3dmark.copies.chain import Copy
 from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
-from o3dmark.errors import MeshError
+from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
 from o3dmark.methods import Extraction, Method
@@ -104,13 +104,20 @@ class Tracer:
 
     @classmethod
     def of(cls, copies: Iterable[Copy], keys: Sequence[Key], **options: Any) -> "Tracer":
-        """For the copies of any ledgers, each under every key. Errors: SpecError for a profile that is not known."""
+        """For those of the copies, of any ledgers, that were made with one of an owner's keys.
 
-        def kind(copy: Copy) -> tuple[str, str, int]:
-            return copy.asset, copy.profile, copy.n_bits
+        Errors: LedgerError when there are copies, but none of these; SpecError for a profile that is not known.
+        """
+
+        def kind(copy: Copy) -> tuple[str, str, str, int]:
+            return copy.asset, copy.key, copy.profile, copy.n_bits
 
         groups = [tuple(group) for _, group in groupby(sorted(copies, key=kind), kind)]
-        return cls(tuple(Batch(asset_key(key, group[0].asset), group) for group in groups for key in keys), **options)
+        pairs = [(asset_key(key, group[0].asset), group) for group in groups for key in keys]
+        batches = tuple(Batch(key, group) for key, group in pairs if key.fingerprint == group[0].key)
+        if groups and not batches:
+            raise LedgerError("no copy in the ledger was made with a key that was given")
+        return cls(batches, **options)
 
     def trace(self, received: Any) -> Trace:
         """Whose copy an asset, mesh or point cloud is. Errors: MeshError when nothing of it can be read."""
