@@ -9,28 +9,10 @@ issuing         an asset, names, a key -> marked files, each entered before it a
 archives        files, folders, archives -> what to look at
 tracing         a suspect, copies, keys -> whose it is, and how probable it is that somebody innocent is named
 words           a trace                -> a sentence
+
+The public names stand in ``__init__.pyi``; each is imported when it is first used: a ledger is read without a mesh.
 """
 
-from o3dmark.copies.archives import suspects
-from o3dmark.copies.buyers import read_buyers
-from o3dmark.copies.chain import EMPTY, Copy, Entry
-from o3dmark.copies.issuing import Progress, issue
-from o3dmark.copies.ledger import Ledger
-from o3dmark.copies.tracing import Named, Trace, Tracer
-from o3dmark.copies.verification import Verification, verify
+import lazy_loader
 
-__all__ = [
-    "EMPTY",
-    "Copy",
-    "Entry",
-    "Ledger",
-    "Named",
-    "Progress",
-    "Trace",
-    "Tracer",
-    "Verification",
-    "issue",
-    "read_buyers",
-    "suspects",
-    "verify",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,13 @@
+from .archives import suspects as suspects
+from .buyers import read_buyers as read_buyers
+from .chain import EMPTY as EMPTY
+from .chain import Copy as Copy
+from .chain import Entry as Entry
+from .issuing import Progress as Progress
+from .issuing import issue as issue
+from .ledger import Ledger as Ledger
+from .tracing import Named as Named
+from .tracing import Trace as Trace
+from .tracing import Tracer as Tracer
+from .verification import Verification as Verification
+from .verification import verify as verify
