@@ -88,3 +88,16 @@ def test_a_surface_turned_over_says_nothing_of_the_turn() -> None:
     up, down = np.array([[0.0, 0, 1]]), np.array([[0.0, 0, -1]])
     np.testing.assert_array_equal(Turns(up, down)(np.eye(3)), np.eye(3))
     np.testing.assert_array_equal(Turns(up, 0 * up)(up), up)
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, 1e300])
+def test_where_numbers_are_wild_nothing_turns(wild: float) -> None:
+    before, normals = SPHERE.copy(), SPHERE.copy()
+    after = bumpy(before)
+    before[0] = after[7] = wild
+    normals[5] = np.nan if wild == 1e300 else wild
+    new = turned(before, after, TRIANGLES, normals)(normals)
+    np.testing.assert_array_equal(new[[0, 5, 7]], normals[[0, 5, 7]])
+    others = np.setdiff1d(np.arange(len(SPHERE)), [*TRIANGLES[np.isin(TRIANGLES, [0, 5, 7]).any(axis=1)].ravel()])
+    assert np.isfinite(new[others]).all()
+    assert (np.abs(new[others] - normals[others]).max(axis=1) > 0.0).all()

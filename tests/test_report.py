@@ -349,6 +349,10 @@ def test_a_report_changes_nothing_but_itself(plain: Path) -> None:
     assert {path.name: path.read_bytes() for path in plain.iterdir()} == before
 
 
+def test_results_are_kept() -> None:
+    assert {"paper", "shape_spectrum", "false_positives"} <= {folder.name for folder in KEPT}
+
+
 @pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)
 def test_every_kept_folder_has_a_report(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "copy")

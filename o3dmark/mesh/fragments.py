@@ -46,6 +46,19 @@ _DETAIL = 2e-4  # below it all are alike: 1e-4 to 1e-3 are the same; with 0 an e
 _WORSE_OUTLIERS = 0.05  # than the best pose's, a difference: 0.02 to 0.4 are the same
 _WORSE_DISTANCE = 1.6  # than the best pose's, a factor: 1 placed 10, 1.2 to 20 all
 
+# None of these matters much: with any of them halved or doubled (cosines: 0 and 0.7, 0.4 and 0.9; the score: 0.5 and
+# 0.95) the same ten of another eleven fragments of the four meshes were placed, in 24 to 35 s together, and not 29.
+_MIN_COSINE_AVERAGED = 0.3  # between normals that are averaged: those across a thin wall are not
+_THINNED = (120, 500, 1500)  # samples of the fragment that candidates are sorted by, moved by, chosen by
+_REACH_FIRST, _REACH_LAST = 4.0, 1.5  # mean distances within which a sample counts, when sorted and when chosen
+_APART_FIRST, _APART_LAST = 5.0, 1.5  # mean distances between two poses, below which they are one
+_MIN_SCORE = 0.8  # of the best: others are not refined
+_MIN_COSINE = 0.7  # between the normals of a sample and of what it lies on
+_REACHES = (8.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.0, 2.0, 2.0)  # mean distances, step by step of iterated closest points
+_MIN_HITS = 30  # samples within reach, or the pose stays as it is
+_REFINED_BY = 600  # samples, at the exact surface
+_MEDIANS_USED, _MEDIANS_SOFT = 3.0, 2.0  # median distances: beyond, a sample is left out; at, its weight is a half
+
 
 def poses(fragment: Surface, whole: Surface) -> list[Floats]:
     """The similarities (4, 4) that align ``fragment`` with ``whole``, best first; none when it belongs nowhere.
@@ -65,7 +78,7 @@ def poses(fragment: Surface, whole: Surface) -> list[Floats]:
                 found = [*_by_features(fragment, whole, target, share), best]
             break
     few = fragment.vertices[:: 1 + len(fragment.vertices) // 100]
-    return _ambiguous(found, few, 1.5 * unit, _DETAIL * whole.diagonal)
+    return _ambiguous(found, few, _APART_LAST * unit, _DETAIL * whole.diagonal)
 
 
 class _Pose(NamedTuple):
@@ -90,7 +103,7 @@ class _Cloud:
         points, triangle = sampling.stratified(surface, count, np.random.default_rng(0))
         normals = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles)[triangle])
         near = cKDTree(points).sparse_distance_matrix(cKDTree(points), _NORMAL_RADIUS * unit, output_type="coo_matrix")
-        same = np.einsum("nd,nd->n", normals[near.row], normals[near.col]) > 0.3
+        same = np.einsum("nd,nd->n", normals[near.row], normals[near.col]) > _MIN_COSINE_AVERAGED
         total = normals.copy()
         np.add.at(total, near.row[same], normals[near.col[same]])
         return cls(points, geometry.unit(total), unit)
@@ -199,14 +212,14 @@ def _carrying(here: _Pairs, there: _Pairs) -> Floats:
 
 def _shortlisted(candidates: Floats, source: _Cloud, target: _Cloud) -> Floats:
     """The best (r, 4, 4) of many candidates (h, 4, 4), all distinct, after iterated closest points among samples."""
-    few, some, many = source.thinned(120), source.thinned(500), source.thinned(1500)
-    candidates = candidates[np.argsort(-_scores(candidates, few, target, 4.0), kind="stable")]
-    candidates = _distinct(candidates, few.points, 5.0 * target.unit, _MAX_REFINED)
+    few, some, many = (source.thinned(count) for count in _THINNED)
+    candidates = candidates[np.argsort(-_scores(candidates, few, target, _REACH_FIRST), kind="stable")]
+    candidates = _distinct(candidates, few.points, _APART_FIRST * target.unit, _MAX_REFINED)
     candidates = np.array([_icp(pose, some, target) for pose in candidates]).reshape(-1, 4, 4)
-    score = _scores(candidates, many, target, 1.5)
+    score = _scores(candidates, many, target, _REACH_LAST)
     order = np.argsort(-score, kind="stable")
-    order = order[score[order] > 0.8 * score.max(initial=0.0)]
-    return _distinct(candidates[order], few.points, 1.5 * target.unit, _MAX_POSES)
+    order = order[score[order] > _MIN_SCORE * score.max(initial=0.0)]
+    return _distinct(candidates[order], few.points, _APART_LAST * target.unit, _MAX_POSES)
 
 
 def _scores(candidates: Floats, source: _Cloud, target: _Cloud, reach: float) -> Floats:
@@ -216,7 +229,7 @@ def _scores(candidates: Floats, source: _Cloud, target: _Cloud, reach: float) ->
     facing = np.einsum("hij,nj->hni", turn / np.cbrt(np.linalg.det(turn))[:, None, None], source.normals)
     distance, at = target.tree.query(moved, distance_upper_bound=reach * target.unit)
     normal = target.normals[np.where(np.isfinite(distance), at, 0)]
-    return np.mean(np.isfinite(distance) & (np.einsum("hni,hni->hn", facing, normal) > 0.7), axis=1)
+    return np.mean(np.isfinite(distance) & (np.einsum("hni,hni->hn", facing, normal) > _MIN_COSINE), axis=1)
 
 
 def _distinct(candidates: Floats, points: Floats, apart: float, most: int) -> Floats:
@@ -235,11 +248,11 @@ def _distinct(candidates: Floats, points: Floats, apart: float, most: int) -> Fl
 
 def _icp(pose: Floats, source: _Cloud, target: _Cloud) -> Floats:
     """Point-to-plane iterated closest points with scale, the reach shrinking round by round."""
-    for reach in (8.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.0, 2.0, 2.0):
+    for reach in _REACHES:
         moved = similarity.apply(pose, source.points)
         distance, at = target.tree.query(moved, distance_upper_bound=reach * target.unit)
         hit = np.isfinite(distance)
-        if hit.sum() < 30:
+        if hit.sum() < _MIN_HITS:
             break
         normal = target.normals[at[hit]]
         gap = np.einsum("nd,nd->n", target.points[at[hit]] - moved[hit], normal)
@@ -249,7 +262,7 @@ def _icp(pose: Floats, source: _Cloud, target: _Cloud) -> Floats:
 
 def _refined(likely: Floats, source: _Cloud, whole: Surface) -> list[_Pose]:
     """Poses (r, 4, 4) after point-to-plane steps to the exact surface."""
-    points, limit = source.thinned(600).points, _NEAR * whole.diagonal
+    points, limit = source.thinned(_REFINED_BY).points, _NEAR * whole.diagonal
     faces = geometry.unit(geometry.area_vectors(whole.vertices, whole.triangles))
     refined = [_Pose(matrix, 1.0, np.inf) for matrix in likely]
     for _ in range(_STEPS if len(refined) else 0):
@@ -266,9 +279,9 @@ def _refined(likely: Floats, source: _Cloud, whole: Surface) -> list[_Pose]:
 def _stepped(pose: _Pose, moved: Floats, normals: Floats, offsets: Floats, distances: Floats, limit: float) -> _Pose:
     """One such step, by the points within ``limit`` or three median distances, those far off counting little."""
     outlier_share, median_distance = float(np.mean(distances > limit)), float(np.median(distances))
-    used = distances < max(limit, 3.0 * median_distance)
+    used = distances < max(limit, _MEDIANS_USED * median_distance)
     gap = np.einsum("nd,nd->n", offsets[used], normals[used])
-    weight = 1.0 / (1.0 + (gap / (2.0 * median_distance + 1e-300)) ** 2)
+    weight = 1.0 / (1.0 + (gap / (_MEDIANS_SOFT * median_distance + 1e-300)) ** 2)
     step = similarity.step_along(moved[used], normals[used], gap, weight)
     return _Pose(step @ pose.matrix, outlier_share, median_distance)
 

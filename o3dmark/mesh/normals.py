@@ -18,18 +18,19 @@ def turned(before: Floats, after: Floats, triangles: Ints, normals: Floats, used
     ``used`` (m, 3): which normal stands at each corner of triangles (m, 3), or -1; by default normals and positions are
     numbered alike. A normal turns as the area-weighted mean of the triangles that use it does. Equal normals at equal
     positions turn alike, whatever else tells them apart, so seams stay closed; different ones at one position turn on
-    their own, so hard edges stay hard.
+    their own, so hard edges stay hard. Where numbers are not finite, or too large to multiply, nothing turns.
     """
     used = triangles if used is None else used
     corners, numbers = triangles.ravel(), used.ravel()
     kept = numbers >= 0
     group = _groups(geometry.weld(before)[1][corners[kept]], numbers[kept], normals)
     corner_group, size = group[numbers[kept]], int(group.max(initial=-1)) + 1
-    start, end = (
-        _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], corner_group, size)
-        for positions in (before, after)
-    )
-    return Turns(geometry.unit(start)[group], geometry.unit(end)[group])
+    with np.errstate(all="ignore"):
+        start, end = (
+            _sums(np.repeat(geometry.area_vectors(positions, triangles), 3, axis=0)[kept], corner_group, size)
+            for positions in (before, after)
+        )
+        return Turns(geometry.unit(start)[group], geometry.unit(end)[group])
 
 
 class Turns:
@@ -44,8 +45,10 @@ class Turns:
     def __call__(self, vectors: Floats) -> Floats:
         """Vectors (k, 3), each turned; their lengths stay. (Rodrigues' formula, with the axis not of unit length.)"""
         axis, cosine = self._axis, self._cosine[:, None]
-        along = _dot(axis, vectors)[:, None]
-        return vectors * cosine + np.cross(axis, vectors) + axis * along / (1.0 + cosine)
+        with np.errstate(all="ignore"):
+            along = _dot(axis, vectors)[:, None]
+            new = vectors * cosine + np.cross(axis, vectors) + axis * along / (1.0 + cosine)
+        return np.where(np.isfinite(new).all(axis=1, keepdims=True), new, vectors)
 
 
 def _dot(one: Floats, other: Floats) -> Floats:

@@ -143,11 +143,7 @@ class Ply(Asset):
         assert self._position is not None
         assert self._normal is not None
         normals = self._normal.values
-        known = np.isfinite(normals).all(axis=1, keepdims=True)
-        with np.errstate(all="ignore"):  # of numbers that are not finite, or too large to multiply
-            turns = turned(self._position.values, after, self._triangles, np.where(known, normals, 0.0))
-            new = turns(normals)
-        return np.where(known & np.isfinite(new).all(axis=1, keepdims=True), new, normals)
+        return turned(self._position.values, after, self._triangles, normals)(normals)
 
     def _bytes(self, changes: list[tuple[Columns, Floats]]) -> bytes:
         assert self._vertex is not None

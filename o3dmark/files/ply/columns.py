@@ -8,8 +8,8 @@ from o3dmark.files._changes import differs
 from o3dmark.files.asset import float_steps
 from o3dmark.files.ply.header import Property
 from o3dmark.files.ply.rows import Rows
-from o3dmark.files.text.notation import Notation
-from o3dmark.files.text.numbers import Numbers, extent_of
+from o3dmark.files.text.notation import Notation, extent_of
+from o3dmark.files.text.numbers import Numbers
 from o3dmark.files.text.splicing import Edit
 from o3dmark.files.text.words import Places
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from o3dmark.arrays import Bools, Floats
 from o3dmark.errors import MeshError
-from o3dmark.files.text.notation import floats
-from o3dmark.files.text.numbers import Numbers, equal, extent_of, words
+from o3dmark.files.text.notation import extent_of, floats
+from o3dmark.files.text.numbers import Numbers, equal, words
 from o3dmark.files.text.splicing import spliced
 from o3dmark.files.text.words import Places, only, where
 

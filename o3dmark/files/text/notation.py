@@ -11,8 +11,10 @@ import numpy as np
 
 from o3dmark.arrays import AnyArray, Floats
 from o3dmark.errors import MeshError
+from o3dmark.mesh import geometry
 
 _FINEST = 1e-8  # of the diagonal: like float32's own steps at the rim of a mesh about the origin
+_LEAST_EXTENT = 1e-290  # with room for factors
 _LONGEST = 15  # decimals; numbers that need more are written with all digits that they have
 
 
@@ -69,3 +71,11 @@ class Notation:
 
 
 EXACT = Notation(17, "g")
+
+
+def extent_of(vertices: Floats) -> float:
+    """The diagonal of the box about vertices (n, 3), as far as they are finite; 0 where all are one."""
+    finite = vertices[np.isfinite(vertices).all(axis=1)]
+    greatest = float(np.abs(finite).max(initial=0.0)) or 1.0  # whose square may be infinite
+    extent = geometry.diagonal(finite / greatest) * greatest if len(finite) else 0.0
+    return min(max(extent, _LEAST_EXTENT), 1.0 / _LEAST_EXTENT) if extent else 0.0

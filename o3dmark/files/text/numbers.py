@@ -11,12 +11,10 @@ from o3dmark.files._changes import differs
 from o3dmark.files.text.notation import EXACT, Notation
 from o3dmark.files.text.splicing import Edit
 from o3dmark.files.text.words import Places, only
-from o3dmark.mesh import geometry
 
 _IS_GAP = np.isin(np.arange(256), list(b" \t\n\v\f\r"))
 _MOST_DECIMALS = 16  # before an exponent: enough for every float64
 _BLOCK = 1 << 17  # bytes or words that are looked at together: they stay in a processor's cache, and take little room
-_LEAST_EXTENT = 1e-290  # with room for factors
 
 
 def words(text: bytes) -> Places:
@@ -81,11 +79,3 @@ class Numbers:
     @cached_property
     def _exponents(self) -> int:
         return self._shown.count(b"e") + self._shown.count(b"E")
-
-
-def extent_of(vertices: Floats) -> float:
-    """The diagonal of the box about vertices (n, 3), as far as they are finite; 0 where all are one."""
-    finite = vertices[np.isfinite(vertices).all(axis=1)]
-    greatest = float(np.abs(finite).max(initial=0.0)) or 1.0  # whose square may be infinite
-    extent = geometry.diagonal(finite / greatest) * greatest if len(finite) else 0.0
-    return min(max(extent, _LEAST_EXTENT), 1.0 / _LEAST_EXTENT) if extent else 0.0

@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.files.asset import Part
-from o3dmark.files.text.notation import EXACT, Notation
+from o3dmark.files.text.notation import EXACT, Notation, extent_of
 from o3dmark.files.text.words import Bytes, Places, Text, blocks, mask, only
 from o3dmark.mesh import geometry
 
@@ -26,7 +26,7 @@ def moved_rows(content: bytes, places: Places, part: Part, after: Floats) -> Edi
     """
     before = part.vertices
     moves = ~((before == after) | (np.isnan(before) & np.isnan(after))).all(axis=1)
-    notation = Notation.of(_text_of(content, places), _diagonal(part))
+    notation = Notation.of(_text_of(content, places), _extent(part))
     return _edit(places, after, moves, notation, _meet(after, moves))
 
 
@@ -36,7 +36,8 @@ def turned_rows(content: bytes, places: Places, before: Floats, after: Floats) -
     least = np.maximum(
         _TURNED * np.abs(before).max(axis=1), 0.0 if notation.kind == "g" else 0.5 * 10.0**-notation.decimals
     )
-    turns = np.abs(after - before).max(axis=1) > least  # never where they are not numbers
+    with np.errstate(invalid="ignore"):
+        turns = np.abs(after - before).max(axis=1) > least  # never where they are not numbers
     return _edit(places, after, turns, notation, np.zeros(len(after), bool))
 
 
@@ -104,8 +105,6 @@ def _text_of(content: bytes, places: Places) -> bytes:
     return only(np.frombuffer(content, np.uint8), places)
 
 
-def _diagonal(part: Part) -> float:
+def _extent(part: Part) -> float:
     """Of the vertices that triangles use."""
-    used = part.vertices[geometry.used_vertices(part.triangles)]
-    used = used[np.isfinite(used).all(axis=1)]
-    return geometry.diagonal(used) if len(used) else 0.0
+    return extent_of(part.vertices[geometry.used_vertices(part.triangles)])

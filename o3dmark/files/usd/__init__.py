@@ -124,8 +124,7 @@ def _edits(name: str, mesh: "Mesh", vertices: Floats) -> "Edits":
 def _turned(mesh: "Mesh", after: "Vectors", normals: "Vectors", used: Ints) -> "Vectors":
     """Normals (k, 3), those that triangles use turned as their surface turns; in float32, as they are."""
     drawn = np.unique(used)
-    sound = np.isfinite(normals[drawn]).all(axis=1, keepdims=True)
-    before = np.where(sound, normals[drawn], 0.0).astype(np.float64)
+    before = normals[drawn].astype(np.float64)
     places = np.searchsorted(drawn, used)
     turns = turned(mesh.points.astype(np.float64), after.astype(np.float64), mesh.triangles, before, places)
     vectors = turns(before)
