@@ -370,7 +370,7 @@ def test_a_probability_never_sounds_rarer_than_it_is(log10_p: float, words: str)
 def test_answers_are_sentences(shop: Path) -> None:
     with Ledger(shop / "copies.db") as ledger:
         b1 = ledger.copies()[0]
-    named = Named(b1, -7.39, 64)
+    named = Named(b1, -7.39, 64 * "1")
     assert sentence(Trace(named, None, 5, 1e-6)) == (
         "Found: the copy of b1. The chance that this is a mistake is 1 in 24 million."
     )

@@ -30,6 +30,7 @@ LAYERS = """
     campaign
     copies
     report
+    evidence
     cli
     o3dmark __main__
 """

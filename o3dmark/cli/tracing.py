@@ -1,6 +1,8 @@
 """The commands of copies that look at meshes: issue, trace."""
 
 import json as json_text
+import shlex
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import Json
+from o3dmark.cli._arguments import Json, Overwrite
 from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.cli.owner import NBits, Profile
 from o3dmark.errors import MeshError, O3dmarkError
@@ -74,13 +76,23 @@ def trace(
         Path | None, typer.Option("--reference", metavar="ASSET", help="The unmarked file, for fragments.")
     ] = None,
     fpr: Annotated[float, typer.Option(help="How often somebody innocent may be named.")] = 1e-6,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="A page of evidence, for others to read.")
+    ] = None,
+    files: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The folder of the copies, for the page's pictures.")
+    ] = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Whose copy is it? Exit code 0 when one is named, 1 when none is. With --json a line for each suspect."""
     from o3dmark.coding.keys import Key
     from o3dmark.copies import Ledger, Tracer, suspects
-    from o3dmark.files import open_asset
+    from o3dmark.evidence import Evidence
+    from o3dmark.files import check_free, open_asset
 
+    if report is not None:
+        check_free(report, *suspect, *ledger, *key, overwrite=overwrite)
     keys = [Key.load(each) for each in key]
     copies: list[Copy] = []
     for path in ledger:
@@ -89,15 +101,27 @@ def trace(
     cover = None if reference is None else open_asset(reference)
     tracer = Tracer.of(copies, keys, reference=cover, false_positive_rate=fpr)
     _check_reference(tracer)
-    answers = [_answer(name, file, tracer, json) for name, file in suspects(suspect)]
+    answers: list[Trace | None] = []
+    evidence = None if report is None else Evidence(files)
+    for name, file in suspects(suspect):
+        answers.append(answer := _answer(name, file, tracer, json))
+        if evidence is not None and answer is not None and isinstance(file, Path):
+            evidence.add(_shown(name), file, answer)
     if not answers:
         raise MeshError(f"there is no mesh and no point cloud in {', '.join(map(str, suspect))}")
-    if not any(answers):
+    if evidence is not None and report is not None:
+        evidence.write(report, ledger, shlex.join(["o3dmark", *map(_shown, sys.argv[1:])]))
+    if not any(answer.found for answer in answers if answer is not None):
         raise typer.Exit(3 if None in answers else 1)
 
 
-def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", json: bool) -> bool | None:
-    """Print what one suspect is: True for a copy that is named, None for what cannot be read."""
+def _shown(name: str) -> str:
+    """A path as others may read it: of one that starts at the root, its last part."""
+    return Path(name).name if Path(name).is_absolute() else name
+
+
+def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", json: bool) -> "Trace | None":
+    """Print what one suspect is; None for what cannot be read."""
     from o3dmark.files import open_shape
 
     started = time.perf_counter()
@@ -112,7 +136,7 @@ def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", json: bool) -
             say(f"{printable(name)}: {printable(str(error))}")
         return None
     _print(name, found, json, since(started))
-    return found.found
+    return found
 
 
 def _print(name: str, found: "Trace", json: bool, seconds: float) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dmark.arrays import Bits, Floats
+from o3dmark.arrays import Bits, Bools, Floats
 from o3dmark.coding.detection import charge, sign_test
 from o3dmark.coding.keys import Key
 
@@ -20,11 +20,19 @@ _BLOCK = 1 << 24  # agreements held at a time
 
 @dataclass(frozen=True)
 class Candidate:
-    """A codeword beside a reading: its place among the candidates, log10 of its p-value, bits that agree with it."""
+    """A codeword beside a reading: its place among the candidates, log10 of its p-value, and which bits agree.
+
+    ``agreement`` has a 1 for each bit of the codeword that the reading has too, and a 0 for each other.
+    """
 
     index: int
     log10_p: float
-    matches: int
+    agreement: str
+
+    @property
+    def matches(self) -> int:
+        """How many bits agree."""
+        return self.agreement.count("1")
 
 
 def codeword(key: Key, name: str, n_bits: int) -> Bits:
@@ -49,9 +57,13 @@ def nearest(readings: Floats, words: Bits, hypotheses: int) -> list[Candidate]:
     found = []
     for index in np.argsort(-agreement, kind="stable")[:_TESTED].tolist():
         soft = readings[which[index]].astype(np.float64)
-        matches = int(np.count_nonzero((soft > 0) == words[index]))
-        found.append(Candidate(index, charge(sign_test(soft, words[index]), hypotheses), matches))
+        agrees = (soft > 0) == words[index]
+        found.append(Candidate(index, charge(sign_test(soft, words[index]), hypotheses), _shown(agrees)))
     return sorted(found, key=lambda candidate: candidate.log10_p)
+
+
+def _shown(bits: Bools) -> str:
+    return "".join("01"[int(bit)] for bit in bits)
 
 
 def _best(unit: Floats, words: Bits) -> tuple[Floats, np.ndarray]:

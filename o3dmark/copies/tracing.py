@@ -28,11 +28,16 @@ _MOST_COVERS = 4  # parts of a reference that are laid beside each view, the lar
 
 @dataclass(frozen=True)
 class Named:
-    """A copy as a candidate: log10 of the p-value, all charged, and how many of its bits agree with the reading."""
+    """A copy as a candidate: log10 of the p-value, all charged, and which of its bits agree (1) or not (0)."""
 
     copy: Copy
     log10_p: float
-    matches: int
+    agreement: str
+
+    @property
+    def matches(self) -> int:
+        """How many bits agree."""
+        return self.agreement.count("1")
 
     @property
     def p_value(self) -> float:
@@ -180,7 +185,7 @@ class Tracer:
 
 
 def _named(batch: Batch, candidate: Candidate) -> Named:
-    return Named(batch.copies[candidate.index], candidate.log10_p, candidate.matches)
+    return Named(batch.copies[candidate.index], candidate.log10_p, candidate.agreement)
 
 
 def _quick(method: Method) -> Method:

@@ -75,10 +75,11 @@ def distance_sheet(
     title: str = "",
     attack: str = "",
     notes: Sequence[str] = (),
+    names: tuple[str, str] = ("Marked", "Attacked"),
     camera: Camera = THREE_QUARTER,
     width: int = 1600,
 ) -> Image:
-    """Marked, attacked and the distance between them, side by side: (h, width, 3).
+    """Marked, attacked and the distance between them, side by side: (h, width, 3). ``names`` of the two, as shown.
 
     distances: for each vertex of the attacked mesh, in the meshes' unit; the bar shows them over the marked mesh's
     bounding-box diagonal. All share one camera, fitted to the marked mesh, so bring an attacked mesh that was moved
@@ -87,8 +88,8 @@ def distance_sheet(
     before, after = shape_of(marked), shape_of(attacked)
     lengths = checked_scalars(distances, n_vertices(after)) / (geometry.diagonal(positions(before)) * 1e-3)
     panels = [
-        Panel("Marked", before, _counts(marked)),
-        Panel("Attacked", after, attack or _counts(attacked), frame=before),
+        Panel(names[0], before, _counts(marked)),
+        Panel(names[1], after, attack or _counts(attacked), frame=before),
         Panel("Distance", after, "", lengths, f"distance, {PER_MILLE}", _from_zero(lengths), "plasma", before),
     ]
     return sheet(panels, title=title, notes=notes, camera=camera, width=width)

@@ -1,0 +1,140 @@
+"""The page of evidence: what a trace found, for others to read; names cannot inject anything, no secret is in it."""
+
+import os
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from fixtures.command_line import run
+from o3dmark.coding.identities import codeword
+from o3dmark.coding.keys import Key
+from o3dmark.copies import Ledger, Tracer, issue
+from o3dmark.copies.issuing import asset_key
+from o3dmark.evidence import Evidence
+from o3dmark.files import read_mesh, write_mesh
+from o3dmark.mesh.surface import TriangleMesh
+
+HOSTILE = '<script>alert("x")</script>&\'"><img src=x onerror=alert(1)>'
+
+
+class Page(HTMLParser):
+    """The tags of a page, their attributes, and all that is text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attributes
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def shop(spot: TriangleMesh, key: Key, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shop")
+    write_mesh(folder / "spot.ply", spot)
+    with Ledger(folder / "copies.db", writable=True) as ledger:
+        list(issue(folder / "spot.ply", [HOSTILE, "b2"], key, ledger, folder / "out", profile="robust-2026"))
+        leaked = next(copy for copy in ledger.copies() if copy.name == HOSTILE)
+    write_mesh(folder / "leak.stl", read_mesh(folder / "out" / leaked.file))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(shop: Path, key: Key) -> str:
+    with Ledger(shop / "copies.db") as ledger:
+        tracer = Tracer.of(ledger.copies(), [key])
+    evidence = Evidence(shop / "out")
+    evidence.add(f"{HOSTILE}.stl", shop / "leak.stl", tracer.trace(read_mesh(shop / "leak.stl")))
+    evidence.add("spot.ply", shop / "spot.ply", tracer.trace(read_mesh(shop / "spot.ply")))
+    evidence.write(shop / "out.html", [shop / "copies.db"], "o3dmark trace leak.stl")
+    return (shop / "out.html").read_text()
+
+
+def test_it_says_what_was_found_and_how_sure_it_is(page: str, shop: Path) -> None:
+    text = Page(page).text
+    assert f"Found: the copy of {HOSTILE}. The chance that this is a mistake is 1 in 10^1" in text
+    assert "None of your copies." in text
+    assert "64 of 64 bits agree" in text
+    assert "o3dmark trace leak.stl" in text
+    with Ledger(shop / "copies.db") as ledger:
+        (copy, _), head = ledger.copies(), ledger.head
+    assert all(digits in text for digits in (copy.digest, copy.asset, copy.made, head))
+
+
+def test_names_cannot_inject_anything(page: str) -> None:
+    parsed = Page(page)
+    assert "script" not in parsed.tags
+    assert not [name for name, _ in parsed.attributes if name.startswith("on")]
+    assert all(value.startswith("data:image/jpeg") for name, value in parsed.attributes if name == "src" and value)
+
+
+def test_it_loads_nothing(page: str) -> None:
+    parsed = Page(page)
+    assert not {"link", "iframe", "object", "script"} & set(parsed.tags)
+    assert "url(" not in page
+    assert not [value for name, value in parsed.attributes if name == "href" and not (value or "").startswith("#")]
+    assert parsed.tags.count("img") == 1  # of the copy that was found, and of no other
+
+
+def test_no_key_and_no_codeword_is_in_it(page: str, shop: Path, key: Key) -> None:
+    with Ledger(shop / "copies.db") as ledger:
+        copy = ledger.copies()[0]
+    own = asset_key(key, copy.asset)
+    word = "".join(map(str, codeword(own, copy.name, 64)))
+    assert not any(secret in page for secret in (key.secret.hex(), own.secret.hex(), word))
+
+
+def test_what_cannot_be_drawn_is_said(shop: Path, key: Key, tmp_path: Path) -> None:
+    with Ledger(shop / "copies.db") as ledger:
+        tracer = Tracer.of(ledger.copies(), [key])
+    evidence = Evidence(tmp_path)
+    evidence.add("leak.stl", shop / "leak.stl", tracer.trace(read_mesh(shop / "leak.stl")))
+    evidence.write(tmp_path / "out.html", [shop / "copies.db"], "o3dmark trace")
+    assert "cannot be drawn beside each other" in Page((tmp_path / "out.html").read_text()).text
+
+
+def test_the_command_writes_it_and_overwrites_nothing(
+    shop: Path, key: Key, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key.save(tmp_path / "owner.key")
+    words = ["trace", shop / "leak.stl", "--ledger", shop / "copies.db", "--key", tmp_path / "owner.key"]
+    monkeypatch.setattr("sys.argv", ["o3dmark", *map(str, words)])
+    assert run(capsys, *words, "--report", tmp_path / "out.html", "--json")[0] == 0
+    text = (tmp_path / "out.html").read_text()
+    assert str(tmp_path) not in text
+    assert str(shop) not in text
+    code, _, err = run(capsys, *words, "--report", tmp_path / "out.html")
+    assert (code, "exists" in err) == (2, True)
+    assert run(capsys, *words, "--report", shop / "leak.stl", "--overwrite")[0] == 2
+    assert (tmp_path / "out.html").read_text() == text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_browser_shows_it_without_scrolling_sideways(page: str, shop: Path, tmp_path: Path, width: int) -> None:
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("there is no chromium")
+    measure = "<script>document.title = document.documentElement.scrollWidth + ' of ' + innerWidth</script>"
+    (tmp_path / "page.html").write_text(page.replace("</body>", measure + "</body>"))
+    line = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},2000", "--dump-dom"]
+    shown = subprocess.run(
+        [*line, (tmp_path / "page.html").as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ,
+        check=True,
+    ).stdout
+    whole, seen = map(int, shown.split("<title>")[1].split("</title>")[0].split(" of "))
+    assert whole <= seen
