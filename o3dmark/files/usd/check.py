@@ -30,6 +30,8 @@ def visit(at):
     for key in spec.ListInfoKeys() if spec else ():
         spec.GetInfo(key)
 layer.Traverse("/", visit)
+layer.GetCompositionAssetDependencies(), layer.ListAllTimeSamples()
+layer.customLayerData, layer.documentation, layer.comment
 Sdf.Layer.CreateAnonymous(".usdc").TransferContent(layer)
 stage = Usd.Stage.Open(layer)
 for prim in stage.TraverseAll():
