@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Bits, Floats
+from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.detection import Detection, detect
 from o3dmark.coding.keys import Key
 from o3dmark.registry import Registry
@@ -116,6 +117,13 @@ class Method(abc.ABC):
     @abc.abstractmethod
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """Read ``n_bits`` soft bits. ``reference``, the cover mesh, is for methods that take one; others refuse it."""
+
+    def mixture(self, mesh: Any, reference: Any, words: Bits, key: Key) -> Mixture:  # noqa: ARG002
+        """What ``mesh`` shows of the copies that carry ``words`` (N, n_bits), beside the cover, its ``reference``.
+
+        Nothing, for methods that cannot say. The copies are made again for it. Errors: MeshError as in `embed`.
+        """
+        return Mixture()
 
     @abc.abstractmethod
     def capacity(self, mesh: Any) -> int:

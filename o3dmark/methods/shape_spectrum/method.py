@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Bits, Floats
+from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
@@ -41,6 +42,7 @@ from o3dmark.methods.shape_spectrum.decoder import Decoder
 from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, least_motion
 from o3dmark.methods.shape_spectrum.format import FORMATS
 from o3dmark.methods.shape_spectrum.fragment import read_fragment
+from o3dmark.methods.shape_spectrum.mixture import mixture
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
@@ -128,6 +130,17 @@ class ShapeSpectrum(Method):
             return mesh
         surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
         return self._hypotheses(surface)
+
+    @one_thread()
+    def mixture(self, mesh: Any, reference: Any, words: Bits, key: Key) -> Mixture:
+        """See `Method.mixture`."""
+        prepared = self.prepare(reference, words.shape[1], key)
+        surface = prepared.cover.surface
+        received = Surface.of(mesh)
+        if len(received.vertices) != len(surface.vertices):
+            return Mixture()
+        copies = [Surface.of(self.embed(prepared, bits, key)).vertices for bits in words]
+        return mixture(received, prepared.cover, copies)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the boundary, up to 128."""
