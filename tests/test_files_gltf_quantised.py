@@ -6,6 +6,7 @@ import pytest
 from fixtures.gltf_files import BUMPY, Builder, Case, waved
 from fixtures.gltf_packed import EXTENT, quantised
 from fixtures.gltf_parser import assert_only_positions_differ, parse
+from o3dmark.errors import MeshError
 from o3dmark.files.gltf import Gltf
 
 KINDS = {
@@ -60,6 +61,18 @@ def test_the_nearest_numbers_are_written(case):
     found = Gltf(written.source).parts[0].vertices
     assert np.abs(found - np.clip(wanted, low, high)).max() <= 0.5000001 * step
     assert (numbers(written) != numbers(case)).mean() > 0.5
+
+
+def test_far_beyond_what_the_numbers_can_hold_is_refused(case):
+    asset = Gltf(case.source)
+    step, low, high = grid(case)
+    moved = asset.parts[0].vertices.copy()
+    moved[0] = high + 0.01 * (high - low)
+    written = Gltf(case.with_files(asset.with_positions({0: moved})).source)
+    np.testing.assert_allclose(written.parts[0].vertices[0], high, atol=step)
+    moved[0] = high + 0.1 * (high - low)
+    with pytest.raises(MeshError, match="beyond what"):
+        asset.with_positions({0: moved})
 
 
 def test_bounds_are_the_whole_numbers(case):

@@ -118,6 +118,7 @@ class Gltf(Asset):
         after = body.part.vertices.copy()
         for block, rows in body.blocks.items():
             if changed[rows].any():
+                block.check_holds(vertices[rows][changed[rows].any(axis=-1)])
                 raw = np.where(changed[rows], block.nearest(vertices[rows]), block.raw())
                 block.write(edits, raw, np.logical_or.reduce(changed[rows].T))
                 after[rows] = block.floats(raw)

@@ -19,6 +19,7 @@ from o3dmark.files.gltf.meshopt import MeshoptSpace, Packing
 
 TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_OUTSIDE = 1 / 16  # of all that a type can hold: a mark moves a corner by less
 _MATRICES = {"MAT2": 2, "MAT3": 3, "MAT4": 4}
 
 
@@ -136,6 +137,16 @@ class Accessor:
         bounds = np.iinfo(self.dtype)
         lowest = -self.scale if self.normalized and bounds.min < 0 else bounds.min
         return np.clip(np.rint(values * self.scale), lowest, bounds.max).astype(self.dtype)
+
+    def check_holds(self, positions: Floats) -> None:
+        """Whether `nearest` is near: what is a little outside stays at the end, as where a mesh fills its grid.
+
+        Errors: MeshError for more than that.
+        """
+        if self.dtype.kind != "f":
+            held, bounds = self.floats(self.nearest(positions)), np.iinfo(self.dtype)
+            if np.abs(positions - held).max(initial=0.0) * self.scale > _OUTSIDE * (bounds.max - bounds.min):
+                raise MeshError(f"its new positions are beyond what {self.dtype.name} can hold")
 
     def steps(self, values: Floats) -> Floats:
         """How far apart the numbers are that can stand for ``values`` (n, d), in a shape that broadcasts to it."""
