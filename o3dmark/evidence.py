@@ -46,6 +46,13 @@ _PROBABILITY = (
     " that the key and the ledger were fixed before the file was looked at; see what was committed. It says that the"
     " file comes from that copy. It does not say who passed it on."
 )
+_MIXED = (
+    "Each copy moves the surface of the original in a way of its own, drawn from a secret key and the name of its"
+    " buyer. The file moves it in a way that is made of several of these. What the other copies do not explain points"
+    " where the copy of each person named points; for somebody who has nothing to do with the file it would point"
+    " anywhere. The number above is the probability that it would point so near to his by chance, with all copies of"
+    " the ledger and all the ways counted in which the file was looked at. It does not say who put the copies together."
+)
 _COMMITTED = (
     "The ledger's rows are tied to each other by a chain of hashes; whoever was given its head, 64 digits, at an"
     " earlier time can tell whether a row was changed, removed or put in since."
@@ -86,6 +93,9 @@ def _sections(name: str, file: Path, trace: Trace, files: Path | None) -> Iterat
         return
     if files is not None:
         yield Section(f"{name}: beside the copy", *_beside(file, files / trace.best.copy.file))
+    if trace.mixed:
+        yield Section(f"{name}: what the probability means", _MIXED)
+        return
     bits = Figure(
         f"{trace.best.matches} of {len(trace.best.agreement)} bits agree",
         _drawn(trace.best.agreement),
@@ -101,7 +111,7 @@ def _answer(name: str, file: Path, trace: Trace) -> Table:
     if trace.best is not None and trace.found:
         copy = trace.best.copy
         rows += [
-            ("the copy of", copy.name),
+            ("the copy of", ", ".join(named.copy.name for named in trace.named)),
             ("probability of a mistake", one_in(trace.best.log10_p)),
             ("the next candidate", _next(trace.runner_up)),
             ("part of the file that was read", trace.part),

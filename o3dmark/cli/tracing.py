@@ -154,7 +154,7 @@ def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     """The fields of the line of a suspect."""
     yield "found", found.found
     yield "copy", found.best.copy.name if found.best and found.found else None
-    yield "copies", [found.best.copy.name] if found.best and found.found else []
+    yield "copies", [named.copy.name for named in found.named]
     yield "p_value", found.best.p_value if found.best else 1.0
     yield "log10_p", found.best.log10_p if found.best else 0.0
     yield "matches", found.best.matches if found.best else 0

@@ -23,6 +23,7 @@ from o3dmark.methods import Extraction, Method
 from o3dmark.watermark import Watermark
 
 _PASSES = 2  # the quick look, which reads most, and the search
+_MOST_MIXED = 300  # copies of an asset that are made again to look for mixtures, in up to a second each
 _MOST_COVERS = 4  # parts of a reference that are laid beside each view, the largest
 
 
@@ -50,7 +51,8 @@ class Trace:
     """Whose copy it is, if it is one's.
 
     best, runner_up: the candidates that agree best; None where there are none. part: what of the file spoke, and
-    how it was read (``view``). candidates: how many copies could have been named.
+    how it was read (``view``). candidates: how many copies could have been named. mixed: of a mixture of copies those
+    who took part, as far as that is sure.
     """
 
     best: Named | None
@@ -60,11 +62,17 @@ class Trace:
     part: str = ""
     view: str = ""
     informed: bool = False
+    mixed: tuple[Named, ...] = ()
 
     @property
     def found(self) -> bool:
         """Whether the best candidate is named: with a p-value within the rate asked for."""
         return self.best is not None and self.best.log10_p <= math.log10(self.false_positive_rate)
+
+    @property
+    def named(self) -> tuple[Named, ...]:
+        """Those who are named: one, or those who took part in a mixture."""
+        return (self.mixed or (self.best,)) if self.found and self.best is not None else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +81,7 @@ class Batch:
 
     key: Key
     copies: tuple[Copy, ...]
+    remade: dict[int, Any] = field(default_factory=dict)  # by cover, what mixtures are compared with
 
     @property
     def asset(self) -> str:
@@ -141,6 +150,29 @@ class Tracer:
                 break
         if not read:
             raise error or MeshError("there is nothing to read")
+        return found if found.found else self._unmixed(found, looked_at, covers)
+
+    def _unmixed(self, found: Trace, looked_at: Sequence[View], covers: Sequence[Any]) -> Trace:
+        """Who took part, if the first view is a mixture of copies; or else what was found."""
+        served = [batch for batch in self.batches if self._serves(batch) and len(batch.copies) <= _MOST_MIXED]
+        tried = [(batch, cover) for batch in served for cover in covers]
+        for batch, cover in tried:
+            method = batch.watermark.method
+            try:
+                if id(cover) not in batch.remade:
+                    batch.remade[id(cover)] = method.remade(cover, batch.words, batch.key)
+                mixture = method.mixture(looked_at[0].shape, batch.remade[id(cover)])
+            except MeshError:
+                continue
+            log10_p = mixture.log10_p(len(batch.copies)) + math.log10(len(tried))
+            named = [Named(copy, float(p), "") for copy, p in zip(batch.copies, log10_p, strict=True)]
+            sure = [each for each in named if each.log10_p <= math.log10(self.false_positive_rate)]
+            if sure:
+                sure.sort(key=lambda each: each.log10_p)
+                others = sorted((each for each in named if each not in sure), key=lambda each: each.log10_p)
+                runner_up = others[0] if others else None
+                part = looked_at[0].part
+                return replace(found, best=sure[0], runner_up=runner_up, part=part, informed=True, mixed=tuple(sure))
         return found
 
     def _better(

@@ -12,6 +12,11 @@ def sentence(trace: Trace) -> str:
         return "None of your copies: the ledger is empty."
     if trace.best is None or not trace.found:
         return "None of your copies."
+    if trace.mixed:
+        names = " and ".join(named.copy.name for named in trace.mixed)
+        worst = one_in(max(named.log10_p for named in trace.mixed))
+        found = f"Found: a mixture of copies, to which {names} gave theirs."
+        return f"{found} For each, the chance that this is a mistake is {worst} at most."
     return (
         f"Found: the copy of {trace.best.copy.name}. The chance that this is a mistake is {one_in(trace.best.log10_p)}."
     )

@@ -118,11 +118,15 @@ class Method(abc.ABC):
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """Read ``n_bits`` soft bits. ``reference``, the cover mesh, is for methods that take one; others refuse it."""
 
-    def mixture(self, mesh: Any, reference: Any, words: Bits, key: Key) -> Mixture:  # noqa: ARG002
-        """What ``mesh`` shows of the copies that carry ``words`` (N, n_bits), beside the cover, its ``reference``.
+    def remade(self, reference: Any, words: Bits, key: Key) -> Any:  # noqa: ARG002
+        """The copies of a cover, ``reference``, that carry ``words`` (N, n_bits), for `mixture`.
 
-        Nothing, for methods that cannot say. The copies are made again for it. Errors: MeshError as in `embed`.
+        Errors: MeshError as in `embed`.
         """
+        return None
+
+    def mixture(self, mesh: Any, copies: Any) -> Mixture:  # noqa: ARG002
+        """What ``mesh`` shows of ``copies``, as `remade` returns them; nothing, for methods that cannot say."""
         return Mixture()
 
     @abc.abstractmethod

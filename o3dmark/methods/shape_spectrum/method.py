@@ -61,6 +61,13 @@ class Prepared(NamedTuple):
     cover: Cover
 
 
+class Remade(NamedTuple):
+    """A cover, and the vertices (n, 3) of each of its copies."""
+
+    cover: Cover
+    copies: list[Floats]
+
+
 @METHODS.register("shape-spectrum")
 @dataclass(frozen=True)
 class ShapeSpectrum(Method):
@@ -132,15 +139,16 @@ class ShapeSpectrum(Method):
         return self._hypotheses(surface)
 
     @one_thread()
-    def mixture(self, mesh: Any, reference: Any, words: Bits, key: Key) -> Mixture:
-        """See `Method.mixture`."""
+    def remade(self, reference: Any, words: Bits, key: Key) -> Remade:
+        """See `Method.remade`."""
         prepared = self.prepare(reference, words.shape[1], key)
-        surface = prepared.cover.surface
-        received = Surface.of(mesh)
-        if len(received.vertices) != len(surface.vertices):
-            return Mixture()
         copies = [Surface.of(self.embed(prepared, bits, key)).vertices for bits in words]
-        return mixture(received, prepared.cover, copies)
+        return Remade(prepared.cover, copies)
+
+    @one_thread()
+    def mixture(self, mesh: Any, copies: Remade) -> Mixture:
+        """See `Method.mixture`: of a mesh whose vertices are those of the cover, moved and in any order."""
+        return mixture(Surface.of(mesh), *copies)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the boundary, up to 128."""

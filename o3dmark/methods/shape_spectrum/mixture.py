@@ -43,7 +43,7 @@ def mixture(received: Surface, cover: Cover, copies: Sequence[Floats]) -> Mixtur
     root = np.asarray(
         np.linalg.cholesky((cover.basis * area) @ cover.basis.T / area.sum())
     )  # c' (root root') c is a mean square
-    functions: Floats = np.asarray(np.linalg.solve(root, cover.basis), np.float64)  # orthonormal over the whole
+    functions: Floats = np.asarray(np.linalg.solve(root, cover.basis), np.float64)  # orthonormal over the surface
     known = np.array([np.einsum("vd,vd->v", each - cover.surface.vertices, cover.normals) for each in copies])
     vectors = known * area @ functions.T / area.sum()
     found = (_patch(motion, functions, area * patch, vectors, cover) for patch in _patches(cover))
