@@ -306,7 +306,7 @@ def test_damaged_text_gives_a_sound_asset_or_a_clear_error(data):
 @needs_library
 def test_what_the_library_cannot_write_again_is_refused():
     """A zero character in a name, which the library reads as the name's end, and a field that it does not know."""
-    text = CUBE.replace('"World"', '"W\0orld"', 1).replace("references", "refereupAxisnces")
+    text = CUBE.replace('def Xform "World"', 'def Xform "W\0orld"').replace("references", "refereupAxisnces")
     asset = opened({"a.usda": text.encode()})
     with pytest.raises(MeshError, match="cannot write again"):
         asset.with_positions({0: asset.parts[0].vertices + 0.01})
