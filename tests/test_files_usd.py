@@ -301,3 +301,12 @@ def test_damaged_text_gives_a_sound_asset_or_a_clear_error(data):
     for number, part in enumerate(opened({"a.usda": after["a.usda"]}).parts):
         if number in moved:
             np.testing.assert_array_equal(part.vertices, moved[number].astype(np.float32))
+
+
+@needs_library
+def test_what_the_library_cannot_write_again_is_refused():
+    """A zero character in a name, which the library reads as the name's end, and a field that it does not know."""
+    text = CUBE.replace('def Xform "World"', 'def Xform "W\0orld"').replace("references", "refereupAxisnces")
+    asset = opened({"a.usda": text.encode()})
+    with pytest.raises(MeshError, match="cannot write again"):
+        asset.with_positions({0: asset.parts[0].vertices + 0.01})

@@ -87,19 +87,26 @@ def relative(layer: str, asset: str) -> str:
 
 def rewritten(name: str, content: bytes, edits: Edits) -> bytes:
     """A layer with other values: its other bytes as they were where that can be made sure of, else as the library
-    writes it."""
+    writes it. Errors: MeshError where what the library writes is not the same layer."""
     patched = _patched_text(name, content, edits) if text.is_text(content) else _patched_crate(content, edits)
     with _opened(name, content) as layer:
         for path, (_, after) in edits.items():
             layer.GetAttributeAtPath(path).default = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(after))
-        if patched is not None:
-            try:
-                with _opened(name, patched) as found:
-                    if _alike(found, layer):
-                        return patched
-            except MeshError:  # what was patched was something else
-                pass
-        return layer.ExportToString().encode() if text.is_text(content) else _exported(layer)
+        if patched is not None and _says(name, patched, layer):
+            return patched
+        written = layer.ExportToString().encode() if text.is_text(content) else _exported(layer)
+        if not _says(name, written, layer):
+            raise MeshError(f"{name} is damaged: usd-core cannot write again what it reads in it")
+        return written
+
+
+def _says(name: str, content: bytes, layer: Any) -> bool:
+    """Whether some bytes are a layer that says the same as another."""
+    try:
+        with _opened(name, content) as found:
+            return _alike(found, layer)
+    except MeshError:
+        return False
 
 
 def _alike(one: Any, other: Any) -> bool:
