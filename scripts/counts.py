@@ -85,6 +85,24 @@ def attack_sweep(directory: Path) -> Lines:
     return ["attack", "a valid mesh, the input as it was", "refused, with a reason", "failed"], lines
 
 
+def collusion(path: Path) -> Lines:
+    """In how many mixtures somebody who took part is named, by what was mixed how; from the rows of collusion.py."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    sizes = sorted({int(row["colluders"]) for row in rows})
+    kinds = dict.fromkeys((row["how"], row["after"]) for row in rows)
+    lines = []
+    for how, after in kinds:
+        mine = [row for row in rows if (row["how"], row["after"]) == (how, after)]
+        found = {size: [int(row["named"]) > 0 for row in mine if int(row["colluders"]) == size] for size in sizes}
+        lines.append(
+            [how, after, *(f"{sum(found[size])} of {len(found[size])}" if found[size] else "" for size in sizes)]
+        )
+    innocents = sum(int(row["innocents"]) for row in rows)
+    lines.append(["innocents named", f"in {len(rows)} mixtures", str(innocents), *[""] * (len(sizes) - 1)])
+    return ["mixed by", "and then", *(f"{size} copies" for size in sizes)], lines
+
+
 def _share(rows: Sequence[Row], field: str) -> str:
     values = [value for row in rows if (value := getattr(row, field)) is not None]
     return f"{sum(values)} of {len(values)}"

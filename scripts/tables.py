@@ -328,6 +328,7 @@ OF_CODE: dict[str, Callable[[], str]] = {
     "commands": commands_table,
     "rows": row_table,
     "campaigns": campaigns_table,
+    "collusion": lambda: grid(*counts.collusion(RESULTS / "collusion" / "rows.csv")),  # by scripts/collusion.py
 }
 OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the folders that they are made of
     "saliency-scs results": (saliency_scs_table, ("saliency_scs",)),
