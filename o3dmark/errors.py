@@ -4,6 +4,7 @@
      +-- SpecError       a name or an option that is not known       (the caller's typing: exit code 2)
      +-- MeshError       a mesh or a file that cannot be used; says why and what to do
      |    +-- CapacityError   a mesh too small for the payload; says how many bits fit
+     |    +-- ConversionError a file that cannot be written in another format
      +-- KeyFileError    a key that is missing or malformed
      +-- LedgerError     a ledger of copies that cannot be read or written, or an entry that it cannot take
      +-- BackendError    a library underneath (Open3D, MeshLab, ...) failed
@@ -35,6 +36,10 @@ class CapacityError(MeshError):
         self.wanted, self.fits = wanted, fits
         reason = f" ({why})" if why else ""
         super().__init__(f"{wanted} bits asked for, but this mesh carries {fits} at most{reason}")
+
+
+class ConversionError(MeshError):
+    """A file that cannot be written in another format than its own."""
 
 
 class KeyFileError(O3dmarkError):

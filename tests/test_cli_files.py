@@ -11,7 +11,7 @@ import pytest
 from fixtures.command_line import run
 from fixtures.gltf_files import Builder
 from o3dmark.coding.keys import Key
-from o3dmark.files import open_asset, read_mesh
+from o3dmark.files import open_asset, read_mesh, write_mesh
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 from o3dmark.watermark import Watermark
 
@@ -165,3 +165,17 @@ def test_other_commands_cover_nothing_either(home: Path, capsys: Any) -> None:
     assert contents(home) == before
     assert run(capsys, "synth", "vase", home / "spot.obj", "--overwrite")[0] == 0
     assert len(read_mesh(home / "spot.obj").vertices) != 2930
+
+
+def test_a_conversion_that_fails_advises_no_profile(spot, tmp_path, key, capsys):
+    """The mesh can be marked; it is its missing material that stands in the way."""
+    write_mesh(tmp_path / "a.obj", spot)
+    (tmp_path / "b.obj").write_text("mtllib x.mtl\n" + (tmp_path / "a.obj").read_text())
+    key.save(tmp_path / "owner.key")
+    words = ["embed", tmp_path / "b.obj", tmp_path / "b.glb", "--key", tmp_path / "owner.key", "--message", "hi"]
+    code, error, _ = run(capsys, *words, "--json")
+    assert (code, error["error"]) == (3, "ConversionError")
+    assert "x.mtl" in error["message"]
+    assert "as .obj it can be marked" in error["message"]
+    assert "profile" not in error["message"]
+    assert not (tmp_path / "b.glb").exists()

@@ -9,7 +9,7 @@ import typer
 
 from o3dmark.cli._arguments import In, Json, Out, Overwrite
 from o3dmark.cli._talk import print_result, printable, say, since
-from o3dmark.errors import MeshError, SpecError
+from o3dmark.errors import ConversionError, MeshError, SpecError
 
 if TYPE_CHECKING:
     from o3dmark.coding.keys import Key
@@ -63,6 +63,8 @@ def embed(
     started = time.perf_counter()
     try:
         marked = marking.embed(asset, mark, hidden, secret, name=output.name, names=target.names)
+    except ConversionError:  # whatever the profile
+        raise
     except MeshError as error:
         error.args = (_with_advice(str(error), asset, mark, message, secret),)
         raise

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Floats
 from o3dmark.coding.keys import Key
-from o3dmark.errors import MeshError
+from o3dmark.errors import ConversionError, MeshError
 from o3dmark.files import Asset, Part, Source, convert, open_asset
 from o3dmark.marking.views import views
 from o3dmark.mesh import geometry
@@ -175,7 +175,10 @@ class Edition:
             files = {name or own if each == own else each: content for each, content in marked.files.items()}
             return replace(marked, files=files)
         written = open_asset(Source(self.asset.path, marked.files))
-        done = convert(written, self.asset.path.with_name(str(name)), open_asset)
+        try:
+            done = convert(written, self.asset.path.with_name(str(name)), open_asset)
+        except MeshError as error:
+            raise ConversionError(f"{error}; as {self.asset.path.suffix} it can be marked all the same") from None
         first = next(iter(marked.moved))
         shapes = (Part("", *mesh_arrays(view.shape)) for view in views(done.asset))
         if not any(self._reads(shape, first, message) for shape in shapes):
