@@ -3,8 +3,8 @@
     python scripts/innocents.py --meshes FOLDER      what is not there yet; 2 000 readings
     python scripts/innocents.py --count              how many p-values are as small as each rate
 
-Fifty copies of each of four meshes, after each of ten attacks. A row says log10 of the p-value of the copy itself and of
-the likeliest innocent, all thousand candidates and all readings charged. Interrupted, it can be run again.
+Fifty copies of each of four meshes, after each of ten attacks. A row says log10 of the p-value of the copy itself and
+of the likeliest innocent, all thousand candidates and all readings charged. Interrupted, it can be run again.
 """
 
 import argparse
