@@ -301,7 +301,7 @@ def test_every_candidate_reading_view_and_pass_is_charged(shop: Path, key: Key) 
     mesh = read_mesh(copy_of(shop, "b1"))
     found = tracer(shop, key).trace(mesh)
     assert found.candidates == len(NAMES)
-    steps, views, passes = 45, 1, 2
+    steps, views, passes = 45, 1, 3
     charged = np.log10(len(NAMES) * steps * views * passes)
     assert found.best.log10_p == pytest.approx(-64 * np.log10(2) + charged, abs=1.0)  # all bits, not all trusted alike
     with Ledger(shop / "copies.db") as ledger:

@@ -22,7 +22,7 @@ from o3dmark.marking import View, mesh_of, views
 from o3dmark.methods import Extraction, Method
 from o3dmark.watermark import Watermark
 
-_PASSES = 2  # the quick look, which reads most, and the search
+_PASSES = 3  # the quick look, which reads most, the search, and the look for a mixture
 _MOST_MIXED = 300  # copies of an asset that are made again to look for mixtures, in up to a second each
 _MOST_COVERS = 4  # parts of a reference that are laid beside each view, the largest
 
@@ -164,7 +164,7 @@ class Tracer:
                 mixture = method.mixture(looked_at[0].shape, batch.remade[id(cover)])
             except MeshError:
                 continue
-            log10_p = mixture.log10_p(len(batch.copies)) + math.log10(len(tried))
+            log10_p = mixture.log10_p(len(batch.copies)) + math.log10(_PASSES * len(tried))
             named = [Named(copy, float(p), "") for copy, p in zip(batch.copies, log10_p, strict=True)]
             sure = [each for each in named if each.log10_p <= math.log10(self.false_positive_rate)]
             if sure:
@@ -211,7 +211,7 @@ class Tracer:
         return [mesh_of(part) for part in parts[:_MOST_COVERS]]
 
     def _serves(self, batch: Batch) -> bool:
-        """Whether the reference is what the copies of an batch were made of, or, if of none, may be of any."""
+        """Whether the reference is what the copies of a batch were made of, or, if of none, may be of any."""
         digest = asset_digest(self.reference) if self.reference is not None else ""
         return batch.asset == digest or all(each.asset != digest for each in self.batches)
 
