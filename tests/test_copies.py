@@ -162,7 +162,7 @@ def test_two_at_a_time_in_one_folder_are_one_too_many(asset: Path, key: Key, tmp
         first.close()
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [1, pytest.param(200, marks=pytest.mark.slow)])
 def test_killed_at_any_moment_nothing_is_lost(kills: int, asset: Path, key: Key, tmp_path: Path) -> None:
     """The ledger is whole, and each copy that is in its place is in it as it is."""
     key.save(tmp_path / "owner.key")
