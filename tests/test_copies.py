@@ -104,10 +104,12 @@ def test_a_copy_that_was_entered_but_not_placed_is_put_in_its_place(asset: Path,
     place = copy_of(tmp_path, "a").parent
     content = (place / "spot.ply").read_bytes()
     os.replace(place, place.with_name(".a.part"))
-    (place.with_name(".z.part")).mkdir()
-    assert issued(asset, ["a"], key, tmp_path)[0].elsewhere == ()
+    place.with_name(".b.part").mkdir()
+    place.with_name(".b.part").joinpath("half").write_text("of a file")
+    assert issued(asset, ["b"], key, tmp_path)[-1].elsewhere == ()  # a is not in the list, and is not lost all the same
     assert (place / "spot.ply").read_bytes() == content
-    assert [path.name for path in place.parent.iterdir() if path.is_dir()] == ["a"]
+    assert sorted(path.name for path in place.parent.iterdir() if path.is_dir()) == ["a", "b"]
+    assert [path.name for path in place.with_name("b").iterdir()] == ["spot.ply"]
 
 
 def test_what_is_in_the_way_is_left_alone(asset: Path, key: Key, tmp_path: Path) -> None:

@@ -101,10 +101,11 @@ def issue(
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, _LOCK):
         entered = {copy.name: copy for copy in known if copy.asset == order.asset}
-        elsewhere = tuple(name for name in wanted if name in entered and not _put_in_place(order, entered[name]))
-        for stale in folder.glob(".*.part"):
-            shutil.rmtree(stale)
+        lost = {name for name, copy in entered.items() if not _put_in_place(order, copy)}
+        elsewhere = tuple(name for name in wanted if name in lost)
         missing = [name for name in wanted if name not in entered]
+        for name in missing:
+            shutil.rmtree(order.draft(name), ignore_errors=True)
         taken = [order.place(name) for name in missing if os.path.lexists(order.place(name))]
         if taken:
             raise LedgerError(
