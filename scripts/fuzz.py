@@ -34,7 +34,9 @@ MIB = 1 << 20
 LARGEST = 64_000  # bytes of an input
 SLOWEST = 5.0  # seconds of the processor
 MEMORY = 256 * MIB  # beside ten times the input
-MOST_MEMORY = 1024 * MIB  # beyond what the libraries take: more is refused by the system
+MOST_MEMORY = (
+    4096 * MIB
+)  # beyond what the libraries take: more is refused by the system; libFuzzer itself grows with its corpus
 HANGS = 60  # seconds after which an input is given up
 COMPILED = ["o3dmark.files.ply.ragged"]  # by numba, which does not know what instruments add
 LAST = "last"  # the name of the file that has the input being parsed

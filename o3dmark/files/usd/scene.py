@@ -99,7 +99,8 @@ def _mesh(name: str, prim: Any, source: Any, own: bool, time: Any) -> Mesh:
 def _numbers(name: str, value: Any, dtype: type[np.generic]) -> Any:
     """An array of a scene as one of numpy; none where there is no value. Errors: MeshError for other things."""
     try:
-        return np.array([] if value is None else value, dtype)
+        with np.errstate(over="ignore"):  # what is larger than a number can be is infinite
+            return np.array([] if value is None else value, dtype)
     except (TypeError, ValueError):
         raise MeshError(f"{name} is damaged: a mesh has {type(value).__name__} where numbers should be") from None
 
