@@ -11,7 +11,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.mesh.surface import Surface, TriangleMesh
 from o3dmark.methods import Extraction
 from o3dmark.methods.shape_spectrum.fragment import _correspondences, _CoverModel, _fitted, _Points, read_fragment
-from o3dmark.methods.shape_spectrum.lattice import closest_vectors
+from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 
 METHOD = ShapeSpectrum(mrms=8e-4)
@@ -146,14 +146,14 @@ def test_the_best_candidate_is_the_closest_vector(seed: int) -> None:
     M, t = quadratic(seed, 4)
     around = np.rint(t) + np.array(list(itertools.product(range(-5, 6), repeat=4)))
     cost = np.einsum("ci,ij,cj->c", around - t, M, around - t)
-    found = closest_vectors(M, t)
+    found = Lattice(M).closest(t)
     np.testing.assert_array_equal(found.z[0], around[cost.argmin()])
     np.testing.assert_allclose(found.cost[0], cost.min())
 
 
 def test_the_cost_is_the_form_and_ascends() -> None:
     M, t = quadratic(7, 20)
-    found = closest_vectors(M, t)
+    found = Lattice(M).closest(t)
     np.testing.assert_allclose(found.cost, np.einsum("ci,ij,cj->c", found.z - t, M, found.z - t))
     assert (np.diff(found.cost) >= 0.0).all()
     assert len(np.unique(found.z, axis=0)) == len(found.z)
@@ -162,4 +162,4 @@ def test_the_cost_is_the_form_and_ascends() -> None:
 def test_moving_the_target_by_integers_moves_the_answer() -> None:
     M, t = quadratic(8, 12)
     shift = np.arange(12) - 5
-    np.testing.assert_array_equal(closest_vectors(M, t + shift).z[0], closest_vectors(M, t).z[0] + shift)
+    np.testing.assert_array_equal(Lattice(M).closest(t + shift).z[0], Lattice(M).closest(t).z[0] + shift)

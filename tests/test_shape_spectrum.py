@@ -13,17 +13,18 @@ from o3dmark.coding.keys import Key
 from o3dmark.coding.scs import ScalarCosta, coherence
 from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import read_mesh
+from o3dmark.mesh import geometry
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
 from o3dmark.methods.shape_spectrum.codewords import Comb, plans
 from o3dmark.methods.shape_spectrum.decoder import Decoder
 from o3dmark.methods.shape_spectrum.fit import fit, log10_p
+from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.solid.frame import FRAME_2026
-from o3dmark.solid.solid import Solid, normal_rms
 from o3dmark.solid.spectrum import Band
 
 METHOD = ShapeSpectrum(mrms=8e-4)
@@ -48,7 +49,8 @@ def errors(mesh: object, key: Key) -> int:
 
 def test_the_distortion_is_within_what_was_asked_for(spot: TriangleMesh, marked: TriangleMesh) -> None:
     cover, after = Surface.of(spot), Surface.of(marked)
-    size = normal_rms(Solid.of(cover), after.vertices - cover.vertices) / cover.diagonal
+    motion = (after.vertices - cover.vertices)[cover.triangles]
+    size = geometry.normal_rms(geometry.area_vectors(cover.vertices, cover.triangles), motion) / cover.diagonal
     assert 0.7 * METHOD.mrms < size <= 1.01 * METHOD.mrms
 
 
@@ -205,7 +207,7 @@ def test_plans_lead_to_codewords_keep_within_their_limit_and_come_widest_margin_
     values, dither, bits = rng.standard_normal(24), rng.random(24), rng.integers(0, 2, 24)
     root = rng.standard_normal((24, 30))
     cost, steps = root @ root.T, np.geomspace(0.4, 0.1, 9)
-    comb = Comb(values, bits, dither, cost)
+    comb = Comb(values, bits, dither, cost, Lattice(cost))
     limit = 0.98 * next(plans(comb, steps[:1], 0.0, np.inf)).size
     found = list(plans(comb, steps, 0.04, limit))
     assert [plan.margin for plan in found] == sorted((plan.margin for plan in found), reverse=True)

@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numba import njit
 
 from o3dmark.arrays import AnyArray, Complexes, Floats
 from o3dmark.mesh import geometry
@@ -62,11 +63,42 @@ class ComplexMoment:
 
 def moments(solid: Solid, measure: Measure, origin: Floats | float = 0.0) -> tuple[float, Floats, Floats]:
     """Mass, first moment (3,) and second moment (3, 3) about ``origin`` (3,)."""
-    a, b, c = (solid.vertices - origin)[solid.triangles.T]
-    size, whole = _sizes(solid, measure, a), a + b + c
-    second = sum((size * x.T) @ x for x in (whole, a, b, c))
     bulk = measure == "volume"
-    return float(size.sum()), size @ whole / (4.0 if bulk else 3.0), np.asarray(second / (20.0 if bulk else 12.0))
+    vertices = solid.vertices - origin
+    mass, first, second = _sums(vertices, solid.triangles, solid.area_vectors if bulk else solid.areas[:, None])
+    if bulk:
+        mass, first, second = mass / 3.0, first / 3.0, second / 3.0
+    return mass, first / (4.0 if bulk else 3.0), np.asarray(second / (20.0 if bulk else 12.0))
+
+
+@njit(cache=True, nogil=True)
+def _sums(vertices, triangles, sizes):  # type: ignore[no-untyped-def]
+    """Sums of size, size (a + b + c) and size (s s' + a a' + b b' + c c'), s = a + b + c, over the triangles.
+
+    sizes (m, 3): area vectors, whose product with a corner is the size; or (m, 1): the size itself.
+    """
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    corner, whole = np.empty((3, 3)), np.empty(3)
+    for t in range(len(triangles)):
+        for c in range(3):
+            for x in range(3):
+                corner[c, x] = vertices[triangles[t, c], x]
+        size = sizes[t, 0]
+        if sizes.shape[1] == 3:
+            size = sizes[t, 0] * corner[0, 0] + sizes[t, 1] * corner[0, 1] + sizes[t, 2] * corner[0, 2]
+        mass += size
+        for x in range(3):
+            whole[x] = corner[0, x] + corner[1, x] + corner[2, x]
+            first[x] += size * whole[x]
+            for y in range(x + 1):
+                product = whole[x] * whole[y]
+                for c in range(3):
+                    product += corner[c, x] * corner[c, y]
+                second[x, y] += size * product
+    for x in range(3):
+        for y in range(x):
+            second[y, x] = second[x, y]
+    return mass, first, second
 
 
 def third_moments(seen: Solid, measure: Measure) -> Floats:

@@ -24,8 +24,33 @@ class Samples:
     weights: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """Where the points lie, for a solid and for the same solid moved a little.
+
+    Of each point its ``triangle`` (q,), its ``share`` (q,) of the area and its barycentric coordinates ``weights``
+    (q, 3) there.
+    """
+
+    triangle: Ints
+    share: Floats
+    weights: Floats
+
+    def samples(self, solid: Solid) -> Samples:
+        """The points on a solid's surface."""
+        vertex = solid.triangles[self.triangle]
+        points = sum(self.weights[:, [c]] * solid.vertices[vertex[:, c]] for c in range(3))
+        area_vectors = self.share[:, None] * solid.area_vectors[self.triangle]
+        return Samples(np.asarray(points), area_vectors, vertex, self.weights)
+
+
 def samples(solid: Solid, longest: float, shortest: float = 0.0) -> Samples:
-    """Quadrature points of a solid's surface, for functions that vary over lengths well above ``longest``.
+    """Quadrature points of a solid's surface, by the `rule` for it."""
+    return rule(solid, longest, shortest).samples(solid)
+
+
+def rule(solid: Solid, longest: float, shortest: float = 0.0) -> Rule:
+    """Where to take points of a solid's surface, for functions that vary over lengths well above ``longest``.
 
     Triangles with an edge above ``longest`` are split; each part then has three points, or one, its centroid, when all
     edges are below ``shortest``.
@@ -37,9 +62,7 @@ def samples(solid: Solid, longest: float, shortest: float = 0.0) -> Samples:
     triangle = np.concatenate([whole, np.repeat(rest[owner], 3)])
     share = np.concatenate([np.ones(len(whole)), np.repeat(part / 3.0, 3)])
     weights = np.concatenate([np.full((len(whole), 3), 1.0 / 3.0), (_CORNERS @ corners).reshape(-1, 3)])
-    vertex = solid.triangles[triangle]
-    points = sum(weights[:, [c]] * solid.vertices[vertex[:, c]] for c in range(3))
-    return Samples(np.asarray(points), share[:, None] * solid.area_vectors[triangle], vertex, weights)
+    return Rule(triangle, share, weights)
 
 
 def _longest_edge(vertices: Floats, triangles: Ints) -> Floats:

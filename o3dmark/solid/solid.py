@@ -70,20 +70,10 @@ class Solid:
         return sums[: len(self.movable)] / 3.0
 
 
-def normal_rms(solid: Solid, displacement: Floats) -> float:
-    """RMS distance between the surface and the surface moved by ``displacement`` (n_mesh, 3), to first order.
-
-    The normal part of the motion, linear in each triangle, integrated exactly; fans over holes are left out.
-    """
-    n = len(solid.movable)
-    real = (solid.triangles < n).all(axis=1)
-    return geometry.normal_rms(solid.area_vectors[real], displacement[solid.triangles[real]])
-
-
 def normal_square(solid: Solid, directions: Floats) -> sp.csr_array:
-    """The form P (n_mesh, n_mesh) of motions along ``directions`` (n_mesh, 3): d' P d is the square of `normal_rms`.
+    """The form P (n_mesh, n_mesh) of motions along ``directions`` (n_mesh, 3): d' P d is a mean square.
 
-    d (n_mesh,) says how far each vertex of the mesh goes.
+    d (n_mesh,) says how far each vertex goes; the mean is that of `geometry.normal_rms`, over the surface without fans.
     """
     n = len(solid.movable)
     real = (solid.triangles < n).all(axis=1)

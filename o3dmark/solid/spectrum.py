@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats, Ints
-from o3dmark.solid.quadrature import samples
+from o3dmark.solid.quadrature import Rule, rule
 from o3dmark.solid.solid import Solid
 
 Complex = NDArray[np.complex128]
@@ -109,6 +109,11 @@ class Band:
         return np.ascontiguousarray((2.0 * np.pi * (turns - np.rint(turns))).T, np.float32)
 
 
+def band_rule(band: Band, seen: Solid) -> Rule:
+    """Where to take points of a solid for the waves of a band."""
+    return rule(seen, LONGEST_EDGE * band.shortest, _ONE_POINT * band.shortest)
+
+
 @dataclass(frozen=True, eq=False)
 class Spectrum:
     """The transform of a solid on a band: values (M,) and, where asked for, their gradient (3, M) in k."""
@@ -132,9 +137,9 @@ class Spectrum:
         return cls(band, values, slope)
 
     @classmethod
-    def of_solid(cls, band: Band, seen: Solid, *, gradient: bool = False) -> "Spectrum":
-        """Of a solid as seen in its frame."""
-        q = samples(seen, LONGEST_EDGE * band.shortest, _ONE_POINT * band.shortest)
+    def of_solid(cls, band: Band, seen: Solid, *, gradient: bool = False, points: Rule | None = None) -> "Spectrum":
+        """Of a solid as seen in its frame; ``points``: those of `band_rule` for a solid that was moved to this one."""
+        q = (points or band_rule(band, seen)).samples(seen)
         return cls.of(band, q.points, q.area_vectors, gradient=gradient)
 
     def turned(self, symmetry: Floats) -> "Spectrum":

@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from o3dmark.arrays import Floats
 from o3dmark.coding.scs import ScalarCosta
-from o3dmark.methods.shape_spectrum.lattice import closest_vectors
+from o3dmark.methods.shape_spectrum.lattice import Lattice
 
 _SWEEPS = 30  # of coordinate descent; after 5 the size changes by less than 1e-5 (bimba, ant, vase, fandisk)
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the slack, tried where going all the way costs too much
@@ -22,12 +23,14 @@ _MAX_SAVING = 1.4  # no slack saves more: one of 0.04 saves a factor of 1.11 to 
 
 
 class Comb(NamedTuple):
-    """Values (K,) to be changed, their bits (K,) and dithers (K,) in periods, and the metric Q (K, K) of a change."""
+    """Values (K,) to be changed, their bits (K,) and dithers (K,) in periods; the metric Q (K, K) of a change, and the
+    lattice that has it for its form."""
 
     values: Floats
     bits: Floats
     dither: Floats
     metric: Floats
+    lattice: Lattice
 
 
 class Plan(NamedTuple):
@@ -52,7 +55,7 @@ def plans(comb: Comb, steps: Floats, slack: float, limit: float) -> Iterator[Pla
         while waiting and waiting[0].margin >= 0.25 * step:
             yield waiting.pop(0)
         codeword = ScalarCosta(step).codeword(comb.values, comb.bits, comb.dither)
-        nearest = _nearest(codeword - comb.values, step, comb.metric)
+        nearest = _nearest(codeword - comb.values, step, comb.lattice)
         waiting += (plan for plan in _with_slack(nearest, step, comb.metric, slack, limit) if plan.size <= limit)
         waiting.sort(key=lambda plan: -plan.margin)
     yield from waiting
@@ -71,18 +74,19 @@ def _size(r: Floats, Q: Floats) -> float:
     return float(np.sqrt(r @ Q @ r))
 
 
-def _nearest(r: Floats, step: float, Q: Floats) -> Floats:
-    """r + step z, z integers, with a small r' Q r."""
-    return r + step * closest_vectors(Q, -r / step).z[0]
+def _nearest(r: Floats, step: float, lattice: Lattice) -> Floats:
+    """r + step z, z integers, that is small by the lattice's form."""
+    return r + step * lattice.closest(-r / step).z[0]
 
 
-def _relaxed(r: Floats, reach: float, Q: Floats) -> Floats:
+@njit(cache=True, nogil=True)
+def _relaxed(r, reach, Q):  # type: ignore[no-untyped-def]
     """r + e with |e| <= reach and the least (r + e)' Q (r + e), by cyclic coordinate descent."""
     e = np.zeros_like(r)
     pull = Q @ r
     for _ in range(_SWEEPS if reach else 0):
-        for j, weight in enumerate(np.diag(Q)):
-            new = min(max(e[j] - pull[j] / weight, -reach), reach)
-            pull = pull + (new - e[j]) * Q[:, j]
+        for j in range(len(r)):
+            new = min(max(e[j] - pull[j] / Q[j, j], -reach), reach)
+            pull += (new - e[j]) * Q[j]
             e[j] = new
     return r + e

@@ -15,11 +15,12 @@ from o3dmark.arrays import Floats
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
+from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.solid.frame import FrameFormat, rules
 from o3dmark.solid.quadrature import samples
-from o3dmark.solid.solid import Solid, normal_rms, normal_square
-from o3dmark.solid.spectrum import LONGEST_EDGE, Spectrum
+from o3dmark.solid.solid import Solid, normal_square
+from o3dmark.solid.spectrum import LONGEST_EDGE, Spectrum, band_rule
 
 # Fourteen marks on bimba, cup, ant, vase, flower, cat_7949 and octa_flower (two keys each) chose these:
 INITIAL_RATIO = 0.99  # real motion over the planned one, until some were carried out and their mean is known
@@ -47,13 +48,14 @@ class Cover:
         self.frame = self.rule.frames(self.solid)[0]
         self.normals = geometry.unit(self.solid.vertex_area_vectors)  # outward, however the mesh was wound
         self._seen = self.frame.solid(self.solid)
-        self._spectrum = Spectrum.of_solid(projections.band, self._seen, gradient=True)
+        self._points = band_rule(projections.band, self._seen)  # the same for all that it moves to
+        self._spectrum = Spectrum.of_solid(projections.band, self._seen, gradient=True, points=self._points)
         self.values = projections(self._spectrum.values)
 
     def comb(self, bits: ArrayLike) -> Comb:
         """What `plans` wants to know; projection j carries bit j modulo the number of bits."""
         wanted = np.resize(np.asarray(bits, np.float64), len(self.projections))
-        return Comb(self.values, wanted, self.projections.dither, self.metric)
+        return Comb(self.values, wanted, self.projections.dither, self.metric, self.lattice)
 
     @cached_property
     def jacobian(self) -> Floats:
@@ -100,32 +102,40 @@ class Cover:
         """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
         return np.asarray(self.basis @ normal_square(self.solid, self.normals) @ self.basis.T)
 
+    @cached_property
+    def lattice(self) -> Lattice:
+        """The integer changes with the metric for their form."""
+        return Lattice(self.metric)
+
     def moved(self, change: Floats) -> Floats:
         """Vertices (n, 3) after the motion for a ``change`` (K,) of the projections, to first order."""
         return np.asarray(self.surface.vertices + (change @ self.basis)[:, None] * self.normals)
+
+    def size(self, change: Floats) -> float:
+        """RMS of the motion that `moved` makes, as `geometry.normal_rms` has it."""
+        return float(np.sqrt(change @ self.metric @ change))
 
     def project(self, vertices: Floats) -> Floats:
         """The projections (K,) with the mesh's vertices at ``vertices`` (n, 3), in the mesh's own frame then."""
         solid = self.solid.moved(vertices)
         seen = self.rule.near(solid, self.frame).solid(solid)
-        return self.projections(Spectrum.of_solid(self.projections.band, seen).values)
+        return self.projections(Spectrum.of_solid(self.projections.band, seen, points=self._points).values)
 
     def solve(self, change: Floats, tolerance: float) -> tuple[Floats, float]:
-        """Vertices (n, 3) whose projections differ from the cover's by ``change`` (K,), and the largest error left.
+        """What to ask of `moved` (K,) for projections that differ by ``change`` (K,), and the largest error left.
 
         The values are those that a reader will measure. Newton's method, its derivative corrected on the way (Broyden
         1965, the first of his methods).
         """
         asked, error, inverse = np.zeros(len(change)), change, np.eye(len(change))
-        best = np.array(self.surface.vertices), float(np.abs(change).max())
+        best = asked, float(np.abs(change).max())
         for _ in range(_NEWTON_STEPS):
             step = inverse @ error
             asked = asked + step
-            vertices = self.moved(asked)
-            before, error = error, self.values + change - self.project(vertices)
+            before, error = error, self.values + change - self.project(self.moved(asked))
             missed = float(np.abs(error).max())
             if missed < best[1]:
-                best = vertices, missed
+                best = asked, missed
             if missed < tolerance or missed > 2.0 * best[1]:
                 break
             answer = inverse @ (before - error)
@@ -142,11 +152,13 @@ def least_motion(cover: Cover, plans: Iterable[Plan], limit: float, reads: Calla
             break
         if plan.size * float(np.mean(ratios)) > limit:
             continue
-        vertices, missed = cover.solve(plan.change, _NEWTON_TOLERANCE * plan.step)
-        size = normal_rms(cover.solid, vertices - cover.surface.vertices)
+        asked, missed = cover.solve(plan.change, _NEWTON_TOLERANCE * plan.step)
+        size = cover.size(asked)
         ratios.append(min(size / plan.size, _MAX_RATIO))
-        if missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * limit and reads(vertices):
-            return vertices
+        if missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * limit:
+            vertices = cover.moved(asked)
+            if reads(vertices):
+                return vertices
     return None
 
 

@@ -27,7 +27,7 @@ from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods.shape_spectrum.embedder import Cover
-from o3dmark.methods.shape_spectrum.lattice import closest_vectors
+from o3dmark.methods.shape_spectrum.lattice import Lattice
 
 # Measured on ten fragments of bimba, rocker_arm_10044 and gargoyle_10002, 10 to 100 % of the surface, after noise to
 # 1 %, 30 and 50 passes of smoothing, 7 bits or simplification to a tenth: all 64 bits of nine are read, in 1.1 s each.
@@ -76,7 +76,7 @@ class _CoverModel:
         self.modes = np.array([self._smoothed(passes) for passes in _MODE_PASSES])  # (s, n), along the normals
         self.step = float(np.median(steps))
         t = np.random.default_rng(0).random((4, len(cover.values)))
-        self._size = float(np.mean([closest_vectors(cover.metric, row).cost[0] for row in t]))  # for a step of one
+        self._size = float(np.mean([cover.lattice.closest(row).cost[0] for row in t]))  # for a step of one
 
     def _smoothed(self, passes: int) -> Floats:
         """How far umbrella smoothing carries each vertex along its normal (n,)."""
@@ -233,7 +233,7 @@ def _decoded(model: _CoverModel, fit: _Fit, values: Floats, step: float) -> _Dec
     change = np.linalg.solve(M, blurred @ best)
     rest = change @ prior @ change + (best - change) @ blurred @ (best - change)
     t = 2.0 * ((values + change - fit.change) / step - model.cover.projections.dither)
-    found = closest_vectors(M * step**2 / 4.0, t)
+    found = Lattice(M * step**2 / 4.0).closest(t)
     odd = found.z % 2 == 1
     cost = np.stack([_least(found.cost, ~odd), _least(found.cost, odd)])
     evidence = 0.5 * (np.log(h / (1.0 + slack * h)).sum() - rest - found.cost[0])

@@ -24,25 +24,30 @@ class Candidates(NamedTuple):
     cost: Floats
 
 
-def closest_vectors(M: Floats, t: Floats) -> Candidates:
-    """The integer vectors near ``t`` (k,) by the form ``M`` (k, k), symmetric and positive: some hundred, not all."""
-    order = _surest_last(M)
-    R = np.linalg.cholesky(M[np.ix_(order, order)]).T
-    k, target = len(t), t[order]
-    z, cost = np.zeros((1, k)), np.zeros(1)
-    for i in range(k - 1, -1, -1):
-        centre = target[i] - (z[:, i + 1 :] - target[i + 1 :]) @ R[i, i + 1 :] / R[i, i]
-        nearest = np.rint(centre)
-        side = np.where(centre < nearest, -1.0, 1.0)
-        value = nearest[:, None] + side[:, None] * _TURNS
-        total = cost[:, None] + (R[i, i] * (value - centre[:, None])) ** 2
-        kept = _least(total.ravel())
-        z, cost = z[kept // len(_TURNS)], total.ravel()[kept]
-        z[:, i] = value.ravel()[kept]
-    cheapest = np.argsort(cost, kind="stable")
-    back = np.empty_like(z)
-    back[:, order] = z[cheapest]
-    return Candidates(np.rint(back).astype(np.int64), cost[cheapest])
+class Lattice:
+    """The integer vectors by a form ``M`` (k, k), symmetric and positive; factored once for any number of searches."""
+
+    def __init__(self, M: Floats) -> None:
+        self._order = _surest_last(M)
+        self._R = np.linalg.cholesky(M[np.ix_(self._order, self._order)]).T
+
+    def closest(self, t: Floats) -> Candidates:
+        """The integer vectors near ``t`` (k,): some hundred, not all."""
+        R, k, target = self._R, len(t), t[self._order]
+        z, cost = np.zeros((1, k)), np.zeros(1)
+        for i in range(k - 1, -1, -1):
+            centre = target[i] - (z[:, i + 1 :] - target[i + 1 :]) @ R[i, i + 1 :] / R[i, i]
+            nearest = np.rint(centre)
+            side = np.where(centre < nearest, -1.0, 1.0)
+            value = nearest[:, None] + side[:, None] * _TURNS
+            total = cost[:, None] + (R[i, i] * (value - centre[:, None])) ** 2
+            kept = _least(total.ravel())
+            z, cost = z[kept // len(_TURNS)], total.ravel()[kept]
+            z[:, i] = value.ravel()[kept]
+        cheapest = np.argsort(cost, kind="stable")
+        back = np.empty_like(z)
+        back[:, self._order] = z[cheapest]
+        return Candidates(np.rint(back).astype(np.int64), cost[cheapest])
 
 
 def _least(cost: Floats) -> Ints:
