@@ -1,16 +1,20 @@
 """How well mixtures of copies are traced: rows in results/collusion/rows.csv, a row a mixture.
 
     python scripts/collusion.py --meshes FOLDER [MESH...]     what is not there yet
-    python scripts/collusion.py --simulated 10000             innocents among mixtures of the copies' own vectors
+    python scripts/collusion.py --meshes FOLDER --simulated 10000    innocents among mixtures of the copies' own vectors
+    python scripts/collusion.py --crowd 10000                 means of some of so many vectors: crowd.json
 
 Fifty copies of each mesh; 2 to 10 of them mixed in each way, as they are and after something mild; beside the cover it
 is asked who took part. Each row says how many of these, and of the others, are named at 1e-6. --simulated mixes the
-vectors of bimba's copies at random and counts innocents who are named. Interrupted, it can be run again.
+vectors of bimba's copies at random and counts innocents who are named. --crowd takes vectors of random directions,
+like those of real copies, and says of how many means somebody who took part is named. Interrupted, it can be run again.
 """
 
 import argparse
 import csv
 import datetime
+import itertools
+import json
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,13 +26,15 @@ from o3dmark.coding.collusion import Mixture, Seen
 from o3dmark.coding.identities import codewords
 from o3dmark.coding.keys import Key
 from o3dmark.files import read_mesh
-from o3dmark.mesh.surface import mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
+from o3dmark.methods import silent
 from o3dmark.profiles import PROFILES
 
 ROOT = Path(__file__).parent.parent
 ROWS = ROOT / "results" / "collusion" / "rows.csv"
 MESHES = {name: f"paper/{name}.ply" for name in ("bimba", "cup", "bunny", "horse_48485")}
 COPIES, TRIALS, RATE = 50, 2, 1e-6
+MEANS = 100  # of a crowd, for each size
 SIZES = (2, 3, 5, 10)
 AFTER = ("identity", "noise:amplitude=0.0005", "quantise:bits=14")
 KEY = Key(bytes(range(32)))  # public
@@ -80,7 +86,11 @@ def main() -> None:
     parser.add_argument("meshes", nargs="*", metavar="MESH", help=", ".join(MESHES))
     parser.add_argument("--meshes", dest="folder", type=Path, help="the folder of real meshes")
     parser.add_argument("--simulated", type=int, metavar="N", help="mixtures of vectors")
+    parser.add_argument("--crowd", type=int, metavar="N", help="vectors of random directions")
     options = parser.parse_args()
+    if options.crowd:
+        (ROWS.parent / "crowd.json").write_text(json.dumps(crowd(options.crowd), indent=2) + "\n")
+        return
     if options.folder is None:
         parser.error("--meshes says where the real meshes are")
     if options.simulated:
@@ -100,7 +110,9 @@ def measure(name: str, folder: Path) -> None:
     cover = read_mesh(folder / MESHES[name])
     words = codewords(KEY, [f"buyer {number}" for number in range(COPIES)], 64)
     remade = method.remade(cover, words, KEY)
-    triangles, copies = remade.cover.surface.triangles, np.array(remade.copies)
+    triangles = remade.cover.surface.triangles
+    prepared = method.prepare(cover, words.shape[1], KEY)
+    copies = np.array([Surface.of(method.embed(prepared, word, KEY)).vertices for word in words])
     for how, size, after, trial in waiting:
         rng = np.random.default_rng([trial, size])
         some = rng.permutation(COPIES)[:size]
@@ -118,7 +130,7 @@ def simulated(folder: Path, count: int) -> dict[str, object]:
     cover = read_mesh(folder / MESHES["bimba"])
     words = codewords(KEY, [f"buyer {number}" for number in range(COPIES)], 64)
     remade = method.remade(cover, words, KEY)
-    vectors = method.mixture(cover, remade).patches[0].copies
+    vectors = remade.vectors(silent)
     rng, least, found = np.random.default_rng(0), [], 0
     for _ in range(count):
         size = int(rng.integers(2, 11))
@@ -131,6 +143,22 @@ def simulated(folder: Path, count: int) -> dict[str, object]:
         least.append(np.delete(log10_p, some).min())
     counts = {f"1e-{level}": int(np.sum(np.array(least) <= -level)) for level in (1, 2, 3, 4, 6)}
     return {"mixtures": count, "a colluder named at 1e-6": found, "an innocent at": counts, **about()}
+
+
+def crowd(copies: int) -> dict[str, object]:
+    """Means of a few among many copies, disturbed a little: how often somebody who took part is named at 1e-6."""
+    named, innocents = {}, 0
+    for n_bits, size in itertools.product((64, 128), SIZES):
+        rng = np.random.default_rng([n_bits, size])
+        vectors, found = rng.standard_normal((copies, n_bits)), 0
+        for _ in range(MEANS):
+            some = rng.permutation(copies)[:size]
+            mix = vectors[some].mean(axis=0) + 0.05 * rng.standard_normal(n_bits) / np.sqrt(size)
+            log10_p = Mixture((Seen(mix, vectors),)).log10_p(copies)
+            found += bool(log10_p[some].min() <= np.log10(RATE))
+            innocents += int(np.sum(np.delete(log10_p, some) <= np.log10(RATE)))
+        named[f"{n_bits} bits, {size} copies"] = f"{found} of {MEANS}"
+    return {"copies": copies, "a colluder named at 1e-6": named, "innocents named": innocents, **about()}
 
 
 def rows() -> list[dict[str, str]]:

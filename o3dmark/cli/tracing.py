@@ -86,6 +86,7 @@ def trace(
     json: Json = False,
 ) -> None:
     """Whose copy is it? Exit code 0 when one is named, 1 when none is. With --json a line for each suspect."""
+    from o3dmark.cli._running import bar
     from o3dmark.coding.keys import Key
     from o3dmark.copies import Ledger, Tracer, suspects
     from o3dmark.evidence import Evidence
@@ -99,14 +100,23 @@ def trace(
         with Ledger(path) as opened:
             copies += opened.copies()
     cover = None if reference is None else open_asset(reference)
-    tracer = Tracer.of(copies, keys, reference=cover, false_positive_rate=fpr)
-    _check_reference(tracer)
     answers: list[Trace | None] = []
     evidence = None if report is None else Evidence(files)
-    for name, file in suspects(suspect):
-        answers.append(answer := _answer(name, file, tracer, json))
-        if evidence is not None and answer is not None and isinstance(file, Path):
-            evidence.add(_shown(name), file, answer)
+    with bar() as shown:
+        task = shown.add_task("copies made again", total=None, visible=False)
+        tracer = Tracer.of(
+            copies,
+            keys,
+            reference=cover,
+            false_positive_rate=fpr,
+            progress=lambda done, of: shown.update(task, completed=done, total=of, visible=True),
+        )
+        _check_reference(tracer)
+        for name, file in suspects(suspect):
+            answers.append(answer := _answer(name, file, tracer, json))
+            shown.update(task, visible=False)
+            if evidence is not None and answer is not None and isinstance(file, Path):
+                evidence.add(_shown(name), file, answer)
     if not answers:
         raise MeshError(f"there is no mesh and no point cloud in {', '.join(map(str, suspect))}")
     if evidence is not None and report is not None:

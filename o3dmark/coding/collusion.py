@@ -32,6 +32,7 @@ VARIANTS = 2 * len(ATOMS) + 2
 _MOMENT = 8  # of the counts of matches: fixed beforehand; higher ones are told less well by a few thousand counts
 _SAFETY = 10.0  # for what so many counts may miss of the moment
 _NOTHING = 1e-6  # of the mixture: what is left is rounding, and points where that points
+_CROWD = 1000  # others that may explain a mixture: those that point most where it does, or away from there
 _TRIED = 24  # candidates that fit best at all, whose p-value is worked out; the others get 0
 
 
@@ -79,8 +80,9 @@ def _of_vectors(target: Floats, vectors: Floats) -> Floats:
     if not np.linalg.norm(target) > 0.0 or vectors.shape[1] < 2 or not lengths.all():
         return result
     unit = vectors / lengths[:, None]
-    for index in _promising(target, unit).tolist():
-        others = np.delete(unit, index, axis=0)
+    nearest = np.argsort(-np.abs(unit @ target), kind="stable")[: _CROWD + 1]
+    for index in nearest[_promising(target, unit[nearest])].tolist():
+        others = unit[nearest[nearest != index][:_CROWD]]
         least = min(_log10_tail(*cosine, len(target)) for cosine in _cosines(target, unit[index], others))
         result[index] = min(0.0, least + math.log10(VARIANTS))
     return result

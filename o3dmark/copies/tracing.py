@@ -19,11 +19,11 @@ from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
 from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
-from o3dmark.methods import Extraction, Method
+from o3dmark.methods import Extraction, Method, Progress, silent
 from o3dmark.watermark import Watermark
 
 _PASSES = 3  # the quick look, which reads most, the search, and the look for a mixture
-_MOST_MIXED = 300  # copies of an asset that are made again to look for mixtures, in up to a second each
+_MOST_MIXED = 10_000  # copies of an asset that are made again to look for mixtures, in up to a second each
 _MOST_COVERS = 4  # parts of a reference that are laid beside each view, the largest
 
 
@@ -105,12 +105,14 @@ _Seen: TypeAlias = tuple[Batch, str, Extraction | MeshError, bool]
 class Tracer:
     """Copies and keys, ready for any number of suspects.
 
-    ``reference``, the unmarked asset, lets fragments be read; it serves the copies that were made of it.
+    ``reference``, the unmarked asset, lets fragments be read; it serves the copies that were made of it. ``progress``
+    is told how many copies have been made again, to look for a mixture.
     """
 
     batches: tuple[Batch, ...]
     reference: Asset | None = None
     false_positive_rate: float = 1e-6
+    progress: Progress = silent
     candidates: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -161,7 +163,7 @@ class Tracer:
             try:
                 if id(cover) not in batch.remade:
                     batch.remade[id(cover)] = method.remade(cover, batch.words, batch.key)
-                mixture = method.mixture(looked_at[0].shape, batch.remade[id(cover)])
+                mixture = method.mixture(looked_at[0].shape, batch.remade[id(cover)], self.progress)
             except MeshError:
                 continue
             log10_p = mixture.log10_p(len(batch.copies)) + math.log10(_PASSES * len(tried))

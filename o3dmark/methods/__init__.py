@@ -5,8 +5,9 @@ Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many r
 """
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,12 @@ from o3dmark.coding.keys import Key
 from o3dmark.registry import Registry
 
 METHODS: "Registry[Method]" = Registry("method", __name__)
+Progress: TypeAlias = Callable[[int, int], None]
+"""Is told how much is done, of how much."""
+
+
+def silent(done: int, of: int) -> None:
+    """Progress that nobody watches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +132,11 @@ class Method(abc.ABC):
         """
         return None
 
-    def mixture(self, mesh: Any, copies: Any) -> Mixture:  # noqa: ARG002
-        """What ``mesh`` shows of ``copies``, as `remade` returns them; nothing, for methods that cannot say."""
+    def mixture(self, mesh: Any, copies: Any, progress: Progress = silent) -> Mixture:  # noqa: ARG002
+        """What ``mesh`` shows of ``copies``, as `remade` returns them; nothing, for methods that cannot say.
+
+        ``progress`` is told how many of how many copies have been made again, where that takes long.
+        """
         return Mixture()
 
     @abc.abstractmethod
@@ -134,4 +144,4 @@ class Method(abc.ABC):
         """The number of bits that ``mesh`` can carry at most."""
 
 
-__all__ = ["METHODS", "Extraction", "Method"]
+__all__ = ["METHODS", "Extraction", "Method", "Progress", "silent"]

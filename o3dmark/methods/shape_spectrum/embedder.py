@@ -144,8 +144,8 @@ class Cover:
 
 
 def least_motion(cover: Cover, plans: Iterable[Plan], limit: float, reads: Callable[[Floats], bool]) -> Floats | None:
-    """The vertices (n, 3) of the first plan that arrives at its codewords, moves the surface by ``limit`` (RMS) at most
-    and is read back, as ``reads`` says of vertices; None when no plan does."""
+    """What to ask of `Cover.moved` (K,) for the first plan that arrives at its codewords, moves the surface by
+    ``limit`` (RMS) at most and is read back, as ``reads`` says of vertices (n, 3); None when no plan does."""
     ratios = [INITIAL_RATIO]
     for plan in plans:
         if len(ratios) > _MAX_CANDIDATES:
@@ -155,10 +155,9 @@ def least_motion(cover: Cover, plans: Iterable[Plan], limit: float, reads: Calla
         asked, missed = cover.solve(plan.change, _NEWTON_TOLERANCE * plan.step)
         size = cover.size(asked)
         ratios.append(min(size / plan.size, _MAX_RATIO))
-        if missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * limit:
-            vertices = cover.moved(asked)
-            if reads(vertices):
-                return vertices
+        arrived = missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * limit
+        if arrived and reads(cover.moved(asked)):
+            return asked
     return None
 
 

@@ -23,6 +23,7 @@ wrong key, each bit remains a fair coin. All the readings tried are counted neve
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -35,14 +36,14 @@ from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
-from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods import METHODS, Extraction, Method, Progress, silent
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.codewords import plans
 from o3dmark.methods.shape_spectrum.decoder import Decoder
 from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, least_motion
 from o3dmark.methods.shape_spectrum.format import FORMATS
 from o3dmark.methods.shape_spectrum.fragment import read_fragment
-from o3dmark.methods.shape_spectrum.mixture import mixture
+from o3dmark.methods.shape_spectrum.mixture import Remade, mixture
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
@@ -59,13 +60,6 @@ class Prepared(NamedTuple):
 
     mesh: Any
     cover: Cover
-
-
-class Remade(NamedTuple):
-    """A cover, and the vertices (n, 3) of each of its copies."""
-
-    cover: Cover
-    copies: list[Floats]
 
 
 @METHODS.register("shape-spectrum")
@@ -109,10 +103,11 @@ class ShapeSpectrum(Method):
         """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
         message = np.asarray(bits, np.uint8).ravel()
         if isinstance(mesh, Prepared):
-            return self._written(mesh, message, lambda _: True)
+            return _written(mesh, self._change(mesh.cover, message, _unseen))
         prepared = self.prepare(mesh, len(message), key)
         surface = prepared.cover.surface
-        return self._written(prepared, message, lambda moved: self._reads(surface.moved(moved), message, key))
+        reads = partial(self._reads, surface, message, key)
+        return _written(prepared, self._change(prepared.cover, message, reads))
 
     @one_thread()
     def prepare(self, mesh: Any, n_bits: int, key: Key) -> Prepared:
@@ -138,17 +133,15 @@ class ShapeSpectrum(Method):
         surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
         return self._hypotheses(surface)
 
-    @one_thread()
     def remade(self, reference: Any, words: Bits, key: Key) -> Remade:
-        """See `Method.remade`."""
-        prepared = self.prepare(reference, words.shape[1], key)
-        copies = [Surface.of(self.embed(prepared, bits, key)).vertices for bits in words]
-        return Remade(prepared.cover, copies)
+        """See `Method.remade`: here, worked out when a mesh is found to be one of the cover's."""
+        cover = self.prepare(reference, words.shape[1], key).cover
+        return Remade(cover, words, lambda word: self._change(cover, word, _unseen))
 
     @one_thread()
-    def mixture(self, mesh: Any, copies: Remade) -> Mixture:
+    def mixture(self, mesh: Any, copies: Remade, progress: Progress = silent) -> Mixture:
         """See `Method.mixture`: of a mesh whose vertices are those of the cover, moved and in any order."""
-        return mixture(Surface.of(mesh), *copies)
+        return mixture(Surface.of(mesh), copies, progress)
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the boundary, up to 128."""
@@ -180,24 +173,39 @@ class ShapeSpectrum(Method):
         return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected)
 
     @one_thread()
-    def _written(self, prepared: Prepared, message: Bits, reads: Callable[[Floats], bool]) -> Any:
-        """The prepared mesh with the bits; those ways to write them that can be read, as ``reads`` says of vertices."""
-        mesh, cover = prepared
+    def _change(self, cover: Cover, message: Bits, reads: Callable[[Floats], bool]) -> Floats:
+        """What to ask of `Cover.moved` for the bits; those ways that can be read, as ``reads`` says of vertices.
+
+        Errors: MeshError when there is none.
+        """
         limit = self.mrms * cover.surface.diagonal
         choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
-        vertices = least_motion(cover, choices, limit, reads)
-        if vertices is None:
+        change = least_motion(cover, choices, limit, reads)
+        if change is None:
             raise MeshError(
                 f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
                 " can be read back: it may be too slender for waves of this length, or pass through itself"
             )
-        return with_vertices(mesh, cover.surface, vertices)
+        return change
 
     def _hypotheses(self, received: Surface) -> Hypotheses:
         return Hypotheses(received, self.band, FORMATS[self.format].frame, search=self.search)
 
-    def _reads(self, marked: Surface, message: Bits, key: Key) -> bool:
-        return np.array_equal(self.decoder(len(message), key).read(self._hypotheses(marked)).bits, message)
+    def _reads(self, surface: Surface, message: Bits, key: Key, vertices: Floats) -> bool:
+        """Whether a surface with its vertices moved there (n, 3) tells the bits."""
+        hypotheses = self._hypotheses(surface.moved(vertices))
+        return np.array_equal(self.decoder(len(message), key).read(hypotheses).bits, message)
+
+
+def _written(prepared: Prepared, change: Floats) -> Any:
+    """The mesh that was prepared, moved for a change (K,)."""
+    mesh, cover = prepared
+    return with_vertices(mesh, cover.surface, cover.moved(change))
+
+
+def _unseen(_: Floats) -> bool:
+    """For copies that are read back by who asked for them."""
+    return True
 
 
 def _room(solid: Solid) -> int:

@@ -7,14 +7,16 @@ so, about, have a median and a vertex-wise mix. What was put together of pieces 
 vector of that piece's copy, as far as the patch can tell.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import cached_property
 
 import numpy as np
 
-from o3dmark.arrays import Bools, Floats, Ints
+from o3dmark.arrays import Bits, Bools, Floats, Ints
 from o3dmark.coding.collusion import Matches, Mixture, Seen
 from o3dmark.mesh import geometry, registration, similarity
 from o3dmark.mesh.surface import Surface
+from o3dmark.methods import Progress
 from o3dmark.methods.shape_spectrum.embedder import Cover
 
 _SHARES = (0.3, 0.1, 0.03)  # of the surface's vertices in a patch
@@ -28,27 +30,60 @@ _CHANCE = 2000  # vectors of random directions
 _COUNTED = 4000  # vertices whose coordinates are compared
 
 
-def mixture(received: Surface, cover: Cover, copies: Sequence[Floats]) -> Mixture:
-    """What ``received`` shows; ``copies``: the vertices (n, 3) of each marked cover.
+class Remade:
+    """A cover and its copies; they are made again when they are first asked for, and kept as vectors."""
 
-    Nothing where the vertices of the cover are not found again: after simplification or remeshing.
+    def __init__(self, cover: Cover, words: Bits, change: Callable[[Bits], Floats]) -> None:
+        """``words`` (N, n_bits); ``change`` of the projections (K,) by which the cover came to carry one of them."""
+        self.cover, self._words, self._change = cover, words, change
+        self._vectors: Floats | None = None
+
+    def vectors(self, progress: Progress) -> Floats:
+        """The copies' vectors (N, K): the coefficients of their motions in `functions`."""
+        if self._vectors is None:
+            changes = []
+            for number, word in enumerate(self._words):
+                progress(number, len(self._words))
+                changes.append(self._change(word))
+            self._vectors = np.array(changes) @ self._root
+        return self._vectors
+
+    @cached_property
+    def area(self) -> Floats:
+        """Of each vertex (n,), zero where it may not move."""
+        return np.asarray(self.cover.solid.vertex_areas * self.cover.solid.movable)
+
+    @cached_property
+    def functions(self) -> Floats:
+        """The functions (K, n) that motions along the normals are mixed from, orthonormal over the surface."""
+        return np.asarray(np.linalg.solve(self._root, self.cover.basis), np.float64)
+
+    @cached_property
+    def _root(self) -> Floats:
+        """L (K, K): a change c of the projections moves the surface by a mean square of c' L L' c."""
+        basis = self.cover.basis
+        return np.asarray(np.linalg.cholesky((basis * self.area) @ basis.T / self.area.sum()))
+
+
+def mixture(received: Surface, copies: Remade, progress: Progress) -> Mixture:
+    """What ``received`` shows of the copies.
+
+    Nothing where the vertices of the cover are not found again, after simplification or remeshing, or where they are
+    where they were.
     """
+    cover, area, functions = copies.cover, copies.area, copies.functions
     match = _counterparts(received, cover)
     if match is None:
         return Mixture()
     there = received.vertices[match]
     pose = similarity.fitted(there, cover.surface.vertices)
     motion = np.einsum("vd,vd->v", similarity.apply(pose, there) - cover.surface.vertices, cover.normals)
-    area = cover.solid.vertex_areas * cover.solid.movable
-    root = np.asarray(
-        np.linalg.cholesky((cover.basis * area) @ cover.basis.T / area.sum())
-    )  # c' (root root') c is a mean square
-    functions: Floats = np.asarray(np.linalg.solve(root, cover.basis), np.float64)  # orthonormal over the surface
-    known = np.array([np.einsum("vd,vd->v", each - cover.surface.vertices, cover.normals) for each in copies])
-    vectors = known * area @ functions.T / area.sum()
+    if np.sqrt(motion**2 @ area / area.sum()) < _LEAST_NOISE * cover.surface.diagonal:
+        return Mixture()
+    vectors = copies.vectors(progress)
     found = (_patch(motion, functions, area * patch, vectors, cover) for patch in _patches(cover))
     patches = tuple(each for each in found if each is not None)
-    return Mixture(patches, _matches(there, functions, np.asarray(copies), vectors, cover))
+    return Mixture(patches, _matches(there, functions, vectors, cover))
 
 
 def _counterparts(received: Surface, cover: Cover) -> Ints | None:
@@ -60,7 +95,7 @@ def _counterparts(received: Surface, cover: Cover) -> Ints | None:
     return match if len(np.unique(match)) == len(here) else None
 
 
-def _matches(there: Floats, functions: Floats, copies: Floats, vectors: Floats, cover: Cover) -> Matches:
+def _matches(there: Floats, functions: Floats, vectors: Floats, cover: Cover) -> Matches:
     """How many coordinates of vertices ``there`` (n, 3), as they came, are those of each copy, and of chance."""
     rng = np.random.default_rng(0)
     some = rng.permutation(len(there))[:_COUNTED]
@@ -68,12 +103,15 @@ def _matches(there: Floats, functions: Floats, copies: Floats, vectors: Floats, 
     vertex = some[vertex]
     length = float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
     limit, here = _MATCHED * length, there[vertex, axis]
-    counts = [np.count_nonzero(np.abs(each[vertex, axis] - here) < limit) for each in copies]
     directions = geometry.unit(rng.standard_normal((_CHANCE, len(functions)))) * length
     start, slope, motions = cover.surface.vertices[vertex, axis] - here, cover.normals[vertex, axis], functions[:, some]
     place = np.argsort(some)[np.searchsorted(np.sort(some), vertex)]
-    chance = [np.count_nonzero(np.abs(start + (each @ motions)[place] * slope) < limit) for each in directions]
-    return Matches(np.array(counts, np.float64), np.array(chance, np.float64))
+
+    def counts(moved: Floats) -> Floats:
+        found = [np.count_nonzero(np.abs(start + (each @ motions)[place] * slope) < limit) for each in moved]
+        return np.array(found, np.float64)
+
+    return Matches(counts(vectors), counts(directions))
 
 
 def _patches(cover: Cover) -> Iterator[Bools]:
