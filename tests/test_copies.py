@@ -198,6 +198,35 @@ def test_killed_at_any_moment_nothing_is_lost(kills: int, asset: Path, key: Key,
     assert count(tmp_path) == len(names)
 
 
+@pytest.mark.parametrize("kills", [1, pytest.param(200, marks=pytest.mark.slow)])
+def test_a_trace_killed_at_any_moment_leaves_the_ledger_and_no_half_a_page(
+    kills: int, shop: Path, key: Key, tmp_path: Path
+) -> None:
+    key.save(tmp_path / "owner.key")
+    suspect = shop / "out" / "spot.ply" / "b1" / "spot.ply"
+    words = ["trace", suspect, "--ledger", shop / "copies.db", "--key", "owner.key", "--report", "page.html"]
+    line = [sys.executable, "-m", "o3dmark", *map(str, words), "--overwrite"]
+    before = (shop / "copies.db").read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(kills):
+        process = subprocess.Popen(
+            line,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            start_new_session=True,
+            stdout=subprocess.DEVNULL,
+        )
+        time.sleep(rng.uniform(0.0, 6.0))
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        assert (shop / "copies.db").read_bytes() == before
+        page = tmp_path / "page.html"
+        assert not page.exists() or page.read_text().rstrip().endswith("</html>")
+    with Ledger(shop / "copies.db") as ledger:
+        assert copies.verify(ledger, files=shop / "out").fits
+
+
 def count(folder: Path) -> int:
     return len(list(folder.glob("out/spot.ply/[!.]*")))
 

@@ -21,7 +21,7 @@ LAYERS = """
     _version arrays errors
     registry
     mesh coding
-    solid files
+    solid files received
     attacks metrics synthetic methods
     watermark
     profiles

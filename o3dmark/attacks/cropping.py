@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, kept, made
+from o3dmark.attacks.company import primitive
 from o3dmark.attacks.geometry import Similarity, random_direction
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
@@ -101,7 +102,7 @@ class Paste(Attack):
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
         fragment = Similarity().attack(Crop(self.share).attack(mesh, rng), rng)
         vertices, triangles = mesh_arrays(fragment)
-        other, other_triangles = mesh_arrays(Similarity(0, 360, 1, 1).attack(_primitive(self.foreign), rng))
+        other, other_triangles = mesh_arrays(Similarity(0, 360, 1, 1).attack(primitive(self.foreign), rng))
         other *= self.size * geometry.diagonal(vertices) / geometry.diagonal(other)
         other += vertices[rng.integers(len(vertices))] - other[rng.integers(len(other))]
         colours = colours_of(fragment)
@@ -109,16 +110,6 @@ class Paste(Attack):
             colours = np.concatenate([colours, np.full(other.shape, 0.5)])
         corners = np.concatenate([triangles, other_triangles + len(vertices)])
         return made(fragment, np.concatenate([vertices, other]), corners, colours)
-
-
-def _primitive(name: str) -> TriangleMesh:
-    makers = {
-        "torus": lambda: TriangleMesh.create_torus(1.0, 0.4, 60, 30),
-        "sphere": lambda: TriangleMesh.create_sphere(1.0, 30),
-        "box": lambda: TriangleMesh.create_box().subdivide_midpoint(4),
-        "cone": lambda: TriangleMesh.create_cone(1.0, 2.0, 40, 10),
-    }
-    return makers[name]()
 
 
 def _without(mesh: Any, gone: NDArray[np.int64], what: str) -> TriangleMesh:

@@ -13,6 +13,7 @@ import numpy as np
 from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.attacks._carry import checked_arrays, copied, moved
+from o3dmark.attacks.geometry import random_rotation
 from o3dmark.registry import option
 
 Columns = tuple[Floats, Floats, Floats]  # two coordinates (n,) across the axis, from the box's centre; one along it
@@ -28,7 +29,7 @@ class Twist(Attack):
     """
 
     angle: float = option(15.0, "turn of the far part, in degrees; 0: none")
-    axis: Literal["x", "y", "z"] = option("y", "axis of the twist")
+    axis: Literal["x", "y", "z", "random"] = option("y", "axis of the twist; random: any direction")
     band: float = option(0.5, "length of the twisted band, over the extent along the axis")
 
     def __post_init__(self) -> None:
@@ -52,7 +53,9 @@ class Bend(Attack):
     """
 
     angle: float = option(15.0, "angle between the two ends, in degrees, -180 to 180; 0: none")
-    axis: Literal["x", "y", "z"] = option("y", "axis that bends, towards the next one (x to y to z to x)")
+    axis: Literal["x", "y", "z", "random"] = option(
+        "y", "axis that bends, towards the next one (x to y to z to x); random: any direction, towards any"
+    )
     band: float = option(0.5, "length of the bent band, over the extent along the axis")
 
     def __post_init__(self) -> None:
@@ -81,14 +84,16 @@ def _deformed(mesh: Any, attack: Twist | Bend, deform: Callable[..., Columns], r
     vertices, _ = checked_arrays(mesh)
     if not attack.angle:
         return copied(mesh)
-    w = "xyz".index(attack.axis)
+    turn = random_rotation(rng, np.pi) if attack.axis == "random" else np.eye(3)
+    vertices = vertices @ turn.T
+    w = "xyz".index("y" if attack.axis == "random" else attack.axis)
     across = [(w + 1) % 3, (w + 2) % 3]
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     vertices[:, across] -= centre[across]
     u, v, along = vertices[:, [*across, w]].T
     vertices[:, [*across, w]] = np.stack(deform(u, v, along, *_band(along, attack.band, rng)), axis=1)
     vertices[:, across] += centre[across]
-    return moved(mesh, vertices)
+    return moved(mesh, vertices @ turn)
 
 
 def _band(along: Floats, band: float, rng: np.random.Generator) -> tuple[float, float]:

@@ -68,6 +68,34 @@ class Stretch(Attack):
         return moved(mesh, (vertices - centre) * factors + centre)
 
 
+@ATTACKS.register("strain")
+@dataclass(frozen=True)
+class Strain(Attack):
+    """Stretched along one random direction, or sheared, about the mean of the vertices.
+
+    stretch    lengths along the direction grow by ``amount``
+    shear      points go by ``amount`` of their height above a plane, along a direction within it
+
+    Source: affine transforms, of which the benchmark has similarities alone; "fit to box" and printers' compensation.
+    """
+
+    kind: Literal["stretch", "shear"] = option("stretch", "what is done")
+    amount: float = option(0.01, "relative change of length, or tangent of the angle, -0.9 to 0.9; 0: none")
+
+    def __post_init__(self) -> None:
+        if not -0.9 <= self.amount <= 0.9:
+            raise ValueError(f"amount should be -0.9 to 0.9, not {self.amount}")
+
+    def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
+        vertices, _ = checked_arrays(mesh)
+        turn = random_rotation(rng, np.pi)
+        if not self.amount:
+            return copied(mesh)
+        along, across = turn[0], turn[0] if self.kind == "stretch" else turn[1]
+        centre = vertices.mean(axis=0)
+        return moved(mesh, vertices + self.amount * ((vertices - centre) @ across)[:, None] * along)
+
+
 @ATTACKS.register("mirror")
 @dataclass(frozen=True)
 class Mirror(Attack):

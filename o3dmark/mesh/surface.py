@@ -15,7 +15,7 @@ import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from o3dmark.arrays import Floats, Ints
+from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.normals import turned
@@ -32,11 +32,13 @@ class Surface:
 
     vertices (n, 3) float64; triangles (m, 3) int64; vertex_map (N,) int64: for each of the mesh's N vertices its row in
     ``vertices``, or -1 when no triangle uses it. For meshes without coincident or unused vertices it is 0 .. N-1.
+    as_wound: whether its triangles are to be taken as they are wound, and what is open for open.
     """
 
     vertices: Floats
     triangles: Ints
     vertex_map: Ints
+    as_wound: bool = False
 
     def __post_init__(self) -> None:
         for array in (self.vertices, self.triangles, self.vertex_map):
@@ -44,11 +46,11 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any) -> "Surface":
-        """The surface of an Open3D triangle mesh, legacy or tensor, of any device and precision.
+        """The surface of an Open3D triangle mesh, legacy or tensor, of any device and precision; a surface as it is.
 
         Errors: MeshError with no triangle, an index out of range, a coordinate that is not finite, or no area.
         """
-        return cls.from_arrays(*mesh_arrays(mesh))
+        return mesh if isinstance(mesh, cls) else cls.from_arrays(*mesh_arrays(mesh))
 
     @classmethod
     def from_arrays(cls, vertices: Floats, triangles: Ints) -> "Surface":
@@ -69,7 +71,13 @@ class Surface:
 
     def moved(self, vertices: Floats) -> "Surface":
         """The same connectivity with its vertices elsewhere (n, 3)."""
-        return Surface(np.array(vertices, np.float64), self.triangles, self.vertex_map)
+        return Surface(np.array(vertices, np.float64), self.triangles, self.vertex_map, self.as_wound)
+
+    def part(self, triangles: Bools) -> "Surface":
+        """Some of the triangles (m,) as a surface. Errors: MeshError for none, or none with an area."""
+        corners = self.triangles[triangles]
+        used, rows = np.unique(corners, return_inverse=True)
+        return Surface.from_arrays(self.vertices[used], rows.reshape(-1, 3))
 
     @cached_property
     def area(self) -> float:
@@ -169,12 +177,15 @@ def point_cloud(points: Floats, normals: Floats | None = None) -> PointCloud:
 def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
     """A copy of ``mesh`` whose surface has its vertices at ``vertices`` (n, 3), in the precision that ``mesh`` has.
 
-    ``surface`` is Surface.of(mesh). Vertices that no triangle uses stay where they are; normals, where the mesh had
-    any, turn with the surface; all other attributes are kept.
+    ``surface`` is Surface.of(mesh), or that welded: what was merged goes the same way. Vertices that no triangle uses
+    stay where they are; normals, where the mesh had any, turn with the surface; all other attributes are kept.
     """
     before, triangles = mesh_arrays(mesh)
     after, used = before.copy(), surface.vertex_map >= 0
-    after[used] = vertices[surface.vertex_map[used]]
+    row = surface.vertex_map[used]
+    after[used] = np.where(
+        before[used] == surface.vertices[row], vertices[row], before[used] + (vertices - surface.vertices)[row]
+    )
     if isinstance(mesh, o3d.t.geometry.TriangleMesh):
         return _tensor_with(mesh, before, after, triangles)
     marked = TriangleMesh(mesh)

@@ -31,7 +31,11 @@ class Solid:
 
     @classmethod
     def of(cls, surface: Surface) -> "Solid":
-        """The solid that ``surface`` bounds."""
+        """The solid that ``surface`` bounds; of one taken as wound, the sum of its triangles, its volume above zero."""
+        if surface.as_wound:
+            inward = geometry.volume(surface.vertices - surface.centroid, surface.triangles) < 0.0
+            triangles = surface.triangles[:, ::-1] if inward else surface.triangles
+            return cls(surface.vertices, triangles, np.ones(len(surface.vertices), bool))
         triangles = oriented(surface.vertices, surface.triangles)
         vertices, caps = fans(surface.vertices, triangles)
         movable = np.ones(len(surface.vertices), bool)

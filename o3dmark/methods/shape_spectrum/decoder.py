@@ -4,8 +4,8 @@ In each round of hypotheses (see `search`) every measurement is read with every 
 the round is the last when its best reading is beyond doubt.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from o3dmark.methods import Extraction
 from o3dmark.methods.shape_spectrum.fit import fit, log10_p
 from o3dmark.methods.shape_spectrum.hypotheses import Measurement
 from o3dmark.methods.shape_spectrum.projections import Projections
-from o3dmark.methods.shape_spectrum.search import Hypotheses
+from o3dmark.methods.shape_spectrum.search import Hypotheses, Round, Strained
+from o3dmark.methods.shape_spectrum.strain import COVERED, RINGS, most_coherent, ring
 
 _STOP_LOG10_P = -6.0  # of the p-value, all readings charged, below which a reading is beyond doubt, if also
 # its coherence is above this, as received or after a fit. Of 2 865 readings in the tables of 2026-11-23, wrong ones had
@@ -24,6 +25,7 @@ _MIN_COHERENCE, _MIN_COHERENCE_FITTED = 0.8, 0.7
 # log10 of how much rarer steps become for every octave that they are more than one from the expected: of meshes, a
 # quarter of an octave; of thin sheets, one (see `method`)
 _STEP_PRIOR = 2.0
+_STARTS, _KEPT = 500, 20  # strains that are fitted, of each ring, and those whose readings are kept
 _NOISE = 0.1  # of a projection to expect, in steps: at a quarter bits are lost
 # Standard deviations of the frame's seven motions and of bulging that are expected without any noise: 9 bits, half the
 # triangles gone or a subdivision move the frames of bimba, cup, ant and fandisk by 1e-5 to 1e-3, turn them by 1e-5 to
@@ -60,7 +62,7 @@ class _Best:
 class Decoder:
     """Reads ``n_bits`` bits with the key's projections and the steps (s,) that the options allow.
 
-    ``expected_step`` is that of a surface whose `Hypotheses.area_diagonal_ratio` is one; steps far from it need better
+    ``expected_step`` is that of a surface whose `Round.area_diagonal_ratio` is one; steps far from it need better
     evidence.
     """
 
@@ -79,14 +81,59 @@ class Decoder:
             found = self._readings(measured, round_.fit)
             readings += [self._soft(each.u).astype(np.float32) for each in found]
             log10_tried = np.log10(sum(map(len, readings)))
-            candidate = self._best(measured, found, self._step_prior(hypotheses))
+            candidate = self._best(measured, found, self._step_prior(round_))
             if candidate.log10_p + log10_tried < least:  # later rounds have more to choose from
                 best, least = candidate, candidate.log10_p + log10_tried
             if best and best.clear and best.log10_p + log10_tried < _STOP_LOG10_P:
                 break
+        else:
+            for strained in hypotheses.strained:
+                for candidate, kept in self._unstrained(strained):
+                    readings.append(self._soft(kept).astype(np.float32))
+                    if candidate.log10_p < least:  # its own trials are charged already
+                        best, least = candidate, candidate.log10_p
+                if best and best.clear and least < _STOP_LOG10_P:
+                    break
         if best is None:
             return Extraction(np.zeros(self.n_bits), view="nothing agrees with the key")
         return self._extraction(best, np.concatenate(readings))
+
+    def _unstrained(self, strained: Strained) -> Iterator[tuple[_Best, Floats]]:
+        """Ring by ring the best reading before a stretch or shear, every trial charged, and the values (h, K) kept."""
+        expected = self.expected_step * strained.area_diagonal_ratio
+        steps = self.steps[np.abs(np.log2(self.steps / expected)) <= 1.0]
+        if not len(steps):
+            return
+        measurement = next(iter(strained.unstrained.measurements(self.projections)))
+        assert measurement.jacobian is not None
+        assert measurement.covariance is not None
+        values = strained.surrogate.measured(self.projections)
+        G = values.metric(float(np.median(steps)))
+        tried, inner = 0, 0.0
+        for outer in RINGS:
+            e = ring(G, inner, outer)
+            if not len(e):
+                continue
+            tried, inner = tried + len(e) * len(steps), outer
+            starts = most_coherent(values, e, steps, self.projections.dither, self.n_bits, _STARTS)
+            step = steps[starts.step]
+            u = values.at(starts.e) / step[:, None] - self.projections.dither
+            frame = np.broadcast_to(measurement.jacobian[:, :7], (len(u), *measurement.jacobian[:, :7].shape))
+            jacobian = np.concatenate([frame, values.slope(starts.e)], axis=2) / step[:, None, None]
+            prior = np.zeros((len(u), 12, 12))
+            spread = (_NOISE * step[:, None, None]) ** 2
+            prior[:, :7, :7] = measurement.covariance[:7, :7] * spread + np.diag(_MIN_STD[:7] ** 2)
+            prior[:, 7:, 7:] = np.linalg.inv(G) * COVERED**2
+            moved = fit(u, jacobian, prior)
+            p = log10_p(moved.u, self.n_bits, moved.log10_trials) + np.log10(tried)
+            best = int(np.argmin(p))
+            kept = moved.u[np.argsort(p, kind="stable")[:_KEPT]]
+            e_best = starts.e[best] + moved.motion[best, 7:]
+            view = f"{measurement.view}, before a strain of {np.linalg.norm(e_best):.3f}"
+            found = _Best(moved.u[best], float(p[best]), replace(measurement, view=view), float(step[best]), True)
+            yield found, kept
+            if found.clear and found.log10_p < _STOP_LOG10_P:
+                return
 
     def _extraction(self, best: _Best, readings: Floats) -> Extraction:
         seen = best.measurement
@@ -106,9 +153,9 @@ class Decoder:
         """Soft bits (..., n_bits) of values (..., K) in periods; projection j carries bit j modulo n_bits."""
         return np.asarray(-np.cos(2.0 * np.pi * u).reshape(*u.shape[:-1], -1, self.n_bits).mean(axis=-2))
 
-    def _step_prior(self, hypotheses: Hypotheses) -> Floats:
+    def _step_prior(self, round_: Round) -> Floats:
         """What to add to log10 of the p-value of a reading at each step (s,)."""
-        octaves = np.abs(np.log2(self.steps / (self.expected_step * hypotheses.area_diagonal_ratio)))
+        octaves = np.abs(np.log2(self.steps / (self.expected_step * round_.area_diagonal_ratio)))
         return np.asarray(_STEP_PRIOR * np.maximum(octaves - 1.0, 0.0))
 
     def _readings(self, measured: Sequence[Measurement], fitting: bool) -> list[_Readings]:
@@ -121,8 +168,8 @@ class Decoder:
             spread = (_NOISE * self.steps[:, None, None]) ** 2
             covariance = np.array([each.covariance for each in measured])[:, None] * spread
             prior = (covariance + np.diag(_MIN_STD**2)).reshape(-1, 8, 8)
-            moved, log10_trials = fit(u, jacobian.reshape(len(u), -1, 8), prior)
-            found.append(_Readings(moved, log10_p(moved, self.n_bits, log10_trials), fitted=True))
+            moved = fit(u, jacobian.reshape(len(u), -1, 8), prior)
+            found.append(_Readings(moved.u, log10_p(moved.u, self.n_bits, moved.log10_trials), fitted=True))
         return found
 
     def _best(self, measured: Sequence[Measurement], found: list[_Readings], step_prior: Floats) -> _Best:

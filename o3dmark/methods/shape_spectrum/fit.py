@@ -4,6 +4,8 @@ A value on a codeword of either bit stands at a multiple of half a period, so th
 to explain, and neither the message nor any record of the embedding is needed. Many hypotheses are fitted at once.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from o3dmark.arrays import Floats
@@ -15,11 +17,19 @@ _STEPS = 8  # of Gauss-Newton: with 3 the bits and p-values were the same
 _RANKED = 20  # readings, most coherent first, that get a p-value: 10, 40, 160 gave the same bits in 3, 6 and 12 s
 
 
-def fit(u: Floats, jacobian: Floats, prior: Floats) -> tuple[Floats, Floats]:
-    """Values (h, K) in periods after the frame motions that bring them nearest to codewords, and log10 of the trials.
+class Fitted(NamedTuple):
+    """Values u (h, K) in periods after the motions (h, p) that bring them nearest to codewords, and log10 of the trials."""
+
+    u: Floats
+    log10_trials: Floats
+    motion: Floats
+
+
+def fit(u: Floats, jacobian: Floats, prior: Floats) -> Fitted:
+    """Motions that bring values u (h, K), in periods, near to codewords.
 
     ``jacobian`` (h, K, p): change of u by each motion; ``prior`` (h, p, p): covariance of the motions expected. The
-    trials (h,) are the number of independent readings within the prior, which a p-value is to be multiplied by:
+    trials are the number of independent readings within the prior, which a p-value is to be multiplied by:
     the root of det(I + prior J' J / width^2).
     """
     precision = np.linalg.inv(prior)
@@ -34,7 +44,7 @@ def fit(u: Floats, jacobian: Floats, prior: Floats) -> tuple[Floats, Floats]:
         motion -= np.linalg.solve(curvature, slope[:, :, None])[:, :, 0]
     information = np.einsum("hkp,hkq->hpq", jacobian, jacobian) / _WIDTH**2
     _, log_det = np.linalg.slogdet(np.eye(prior.shape[-1]) + prior @ information)
-    return u + np.einsum("hkp,hp->hk", jacobian, motion), 0.5 * log_det / np.log(10.0)
+    return Fitted(u + np.einsum("hkp,hp->hk", jacobian, motion), 0.5 * log_det / np.log(10.0), motion)
 
 
 def log10_p(u: Floats, n_bits: int, log10_trials: Floats | float = 0.0) -> Floats:

@@ -36,6 +36,7 @@ from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
+from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Extraction, Method, Progress, silent
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.codewords import plans
@@ -112,7 +113,7 @@ class ShapeSpectrum(Method):
     @one_thread()
     def prepare(self, mesh: Any, n_bits: int, key: Key) -> Prepared:
         """See `Method.prepare`."""
-        return Prepared(mesh, self.cover(Surface.of(mesh), key, n_bits))
+        return Prepared(mesh, self.cover(mended(Surface.of(mesh)), key, n_bits))
 
     @one_thread()
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
@@ -122,7 +123,7 @@ class ShapeSpectrum(Method):
         """
         hypotheses = self.observe(mesh)
         if reference is not None:
-            cover = self.cover(Surface.of(reference), key, n_bits)
+            cover = self.cover(mended(Surface.of(reference)), key, n_bits)
             return read_fragment(hypotheses.received, cover, self.steps(n_bits), n_bits)
         return self.decoder(n_bits, key).read(hypotheses)
 
@@ -145,7 +146,7 @@ class ShapeSpectrum(Method):
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 8 vertices off the boundary, up to 128."""
-        return _room(Solid.of(Surface.of(mesh)))
+        return _room(Solid.of(mended(Surface.of(mesh))))
 
     @property
     def band(self) -> Band:

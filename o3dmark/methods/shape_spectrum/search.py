@@ -7,6 +7,7 @@ key.
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from o3dmark.mesh.smoothing import InverseSmoothing, Transfer, hc, taubin, umbre
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._remembered import Remembered
 from o3dmark.methods.shape_spectrum.hypotheses import PASSES, FrameHypothesis, SmoothingSweep
+from o3dmark.methods.shape_spectrum.strain import Surrogate
+from o3dmark.received import View, views
 from o3dmark.solid.frame import Frame, FrameFormat, FrameRule, rules
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
@@ -57,47 +60,119 @@ _FILTERS = (
 
 
 class Round(NamedTuple):
-    """Hypotheses that are equally likely, and whether a reader should fit the frame of each."""
+    """Hypotheses that are equally likely, and whether a reader should fit the frame of each.
+
+    ``area_diagonal_ratio`` is the surface's area times its diagonal over the cube of the frame's scale: the longest
+    step within a given distortion is about proportional to it, since a thin shape has little to integrate.
+    """
 
     hypotheses: Sequence[FrameHypothesis | SmoothingSweep]
     fit: bool
+    area_diagonal_ratio: float
+
+
+class Strained(NamedTuple):
+    """A view as it would be under any small strain, and the hypothesis that there was none."""
+
+    surrogate: Surrogate
+    unstrained: FrameHypothesis
+    area_diagonal_ratio: float
 
 
 class Hypotheses:
     """The rounds of hypotheses about a received surface, for any number of keys. Iterate as often as you like.
 
-    No round: the solid has no frame. ``area_diagonal_ratio``, from the first round on, is area times diagonal over the
-    cube of the frame's scale: the longest step within a given distortion is about proportional to it, since a thin
-    shape has little to integrate.
+    First each view of it (see `received`) at sight, then what takes longer in those views that are worth it. No round:
+    the solid has no frame.
     """
 
     def __init__(self, received: Surface, band: Band, form: FrameFormat, *, search: bool = True) -> None:
         self.received, self.band, self.search, self._form = received, band, search, form
-        self.area_diagonal_ratio = 1.0
         self._found = Remembered(self._rounds())
+        self._thorough: list[_Sight] = []
+        self._strained = Remembered(self._strains())
 
     def __iter__(self) -> Iterator[Round]:
         return iter(self._found)
 
     def _rounds(self) -> Iterator[Round]:
-        solid = Solid.of(self.received)
-        try:
-            choices = rules(solid, self._form)
-        except MeshError:
-            return
-        rule, frames = choices[0], choices[0].frames(solid)
-        self.area_diagonal_ratio = self.received.area * self.received.diagonal / frames[0].scale ** 3
-        yield Round([FrameHypothesis(frames[0], Spectrum.of_solid(self.band, frames[0].solid(solid)))], fit=False)
-        if not self.search:
-            return
-        first = self._seen(rule, solid, frames[0])
-        ambiguities = rule.ambiguities(solid, frames)
-        yield Round(_every([first], ambiguities), fit=True)
+        looked_at: list[_Sight] = []
+        for view in views(self.received):
+            try:
+                sight = _Sight(view, self.band, self._form)
+            except MeshError:
+                continue
+            yield from sight.at_once()
+            if not self.search:
+                return
+            yield sight.fitted()
+            if view.thorough:
+                looked_at.append(sight)
+        self._thorough = looked_at
+        for sight in looked_at:
+            yield from sight.searched()
+
+    @property
+    def strained(self) -> Iterator["Strained"]:
+        """After all rounds: those views as they were before a stretch or a shear."""
+        yield from self._strained
+
+    def _strains(self) -> Iterator["Strained"]:
+        for sight in self._thorough:
+            try:
+                yield from sight.strained()
+            except MeshError:
+                continue
+
+
+class _Sight:
+    """A view of a surface, in the frames that its solid has. Errors: MeshError where it has none."""
+
+    def __init__(self, view: View, band: Band, form: FrameFormat) -> None:
+        self.view, self.received, self.band, self._form = view, view.surface, band, form
+        self.solid = Solid.of(self.received)
+        self.choices = rules(self.solid, form)
+        self.rule = self.choices[0]
+        self.frames = self.rule.frames(self.solid)
+        self._ratio = self.received.area * self.received.diagonal / self.frames[0].scale ** 3
+
+    def at_once(self) -> Iterator[Round]:
+        """The values as they are."""
+        frame = self.frames[0]
+        spectrum = Spectrum.of_solid(self.band, frame.solid(self.solid))
+        yield self._round([FrameHypothesis(frame, spectrum, view=self.view.name)], fit=False)
+
+    def fitted(self) -> Round:
+        """With the frame fitted."""
+        return self._round(_every([self._first], self._ambiguities), fit=True)
+
+    def searched(self) -> Iterator[Round]:
+        """With more surface between the vertices, mirrored, and before some smoothing."""
+        solid, rule, first, ambiguities = self.solid, self.rule, self._first, self._ambiguities
         if len(self.received.triangles) < _MAX_COARSE:
-            yield Round(_every(self._bulging(rule, first), ambiguities), fit=True)
-        others = [self._seen(r, solid, f) for r in choices for f in r.frames(solid) if not _related(f, frames[0])]
-        yield Round(_every([first, *others], _distinct([m @ a for a in ambiguities for m in _MIRRORS])), fit=True)
+            yield self._round(_every(self._bulging(rule, first), ambiguities))
+        frames = [(rule, frame) for rule in self.choices for frame in rule.frames(solid)]
+        others = [self._seen(rule, solid, frame) for rule, frame in frames if not _related(frame, self.frames[0])]
+        yield self._round(_every([first, *others], _distinct([m @ a for a in ambiguities for m in _MIRRORS])))
         yield from self._unsmoothed(solid, rule, first, ambiguities)
+
+    def strained(self) -> Iterator["Strained"]:
+        """Before a stretch or a shear, in each position of the axes. Errors: MeshError where one has no frame."""
+        surrogate = Surrogate.of(self.band, self.solid, self.rule, self.frames[0])
+        for symmetry in self._ambiguities:
+            first = replace(self._first, symmetry=symmetry)
+            yield Strained(surrogate.turned(self.band, symmetry), first, self._ratio)
+
+    def _round(self, hypotheses: Sequence[FrameHypothesis | SmoothingSweep], *, fit: bool = True) -> Round:
+        return Round(hypotheses, fit, self._ratio)
+
+    @cached_property
+    def _first(self) -> FrameHypothesis:
+        return replace(self._seen(self.rule, self.solid, self.frames[0]), view=self.view.name)
+
+    @cached_property
+    def _ambiguities(self) -> list[Floats]:
+        return self.rule.ambiguities(self.solid, self.frames)
 
     def _seen(self, rule: FrameRule, solid: Solid, frame: Frame) -> FrameHypothesis:
         """A solid in one of the frames of a rule, with all that it takes to fit the frame."""
@@ -114,7 +189,7 @@ class Hypotheses:
         spectrum = Spectrum.of_solid(self.band, rule.near(solid, first.frame).solid(solid))
         bulge = Spectrum(self.band, spectrum.values - first.spectrum.values)
         for share in _BULGES:
-            yield replace(first, bulge=bulge, bulging=share, view=f"bulging by {share:g}")
+            yield replace(first, bulge=bulge, bulging=share, view=f"{first.view}, bulging by {share:g}")
 
     def _unsmoothed(
         self, solid: Solid, rule: FrameRule, first: FrameHypothesis, ambiguities: list[Floats]
@@ -125,9 +200,9 @@ class Hypotheses:
         for each in _FILTERS:
             passes = each.every_pass if abrupt and each.every_pass else each.knots
             before = self._before(inverse, solid, rule, first, each, passes)
-            yield Round([_turned(before, each.name, symmetry) for symmetry in ambiguities], fit=True)
+            yield self._round([_turned(before, each.name, symmetry) for symmetry in ambiguities])
             if abrupt and each.every_pass:
-                yield Round(list(self._anew(inverse, solid, before, each, ambiguities)), fit=True)
+                yield self._round(list(self._anew(inverse, solid, before, each, ambiguities)))
 
     def _motion(self, inverse: InverseSmoothing) -> float:
         """RMS motion of the surface in a pass of umbrella smoothing, over the diagonal."""
