@@ -18,7 +18,7 @@ _RANKED = 20  # readings, most coherent first, that get a p-value: 10, 40, 160 g
 
 
 class Fitted(NamedTuple):
-    """Values u (h, K) in periods after the motions (h, p) that bring them nearest to codewords, and log10 of the trials."""
+    """Values u (h, K) in periods after the motions (h, p) that bring them nearest to codewords; log10 of trials."""
 
     u: Floats
     log10_trials: Floats

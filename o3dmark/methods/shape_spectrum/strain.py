@@ -48,7 +48,7 @@ class Surrogate:
         return cls(np.asarray(np.linalg.solve(monomials(e), np.array(found)), np.complex128))
 
     def turned(self, band: Band, symmetry: Floats) -> "Surrogate":
-        """The same with the axes permuted and flipped by ``symmetry`` (3, 3), strains given in the axes as they were."""
+        """The same with the axes permuted and flipped by ``symmetry`` (3, 3), strains as they were given."""
         return Surrogate(Spectrum(band, self.coefficients).turned(symmetry).values)
 
     def measured(self, projections: Projections) -> "Values":
