@@ -8,15 +8,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from o3dmark.arrays import Floats
 from o3dmark.coding.scs import coherence
 from o3dmark.methods import Extraction
+from o3dmark.methods.shape_spectrum.deformation import most_coherent
 from o3dmark.methods.shape_spectrum.fit import fit, log10_p
 from o3dmark.methods.shape_spectrum.hypotheses import Measurement
 from o3dmark.methods.shape_spectrum.projections import Projections
-from o3dmark.methods.shape_spectrum.search import Hypotheses, Round, Strained
-from o3dmark.methods.shape_spectrum.strain import COVERED, RINGS, most_coherent, ring
+from o3dmark.methods.shape_spectrum.search import Deformed, Hypotheses, Round
 
 _STOP_LOG10_P = -6.0  # of the p-value, all readings charged, below which a reading is beyond doubt, if also
 # its coherence is above this, as received or after a fit. Of 2 865 readings in the tables of 2026-11-23, wrong ones had
@@ -25,7 +26,7 @@ _MIN_COHERENCE, _MIN_COHERENCE_FITTED = 0.8, 0.7
 # log10 of how much rarer steps become for every octave that they are more than one from the expected: of meshes, a
 # quarter of an octave; of thin sheets, one (see `method`)
 _STEP_PRIOR = 2.0
-_STARTS, _KEPT = 500, 20  # strains that are fitted, of each ring, and those whose readings are kept
+_STARTS, _KEPT = 500, 20  # deformations that are fitted, of each search, and those whose readings are kept
 _NOISE = 0.1  # of a projection to expect, in steps: at a quarter bits are lost
 # Standard deviations of the frame's seven motions and of bulging that are expected without any noise: 9 bits, half the
 # triangles gone or a subdivision move the frames of bimba, cup, ant and fandisk by 1e-5 to 1e-3, turn them by 1e-5 to
@@ -87,8 +88,8 @@ class Decoder:
             if best and best.clear and best.log10_p + log10_tried < _STOP_LOG10_P:
                 break
         else:
-            for strained in hypotheses.strained:
-                for candidate, kept in self._unstrained(strained):
+            for deformed in hypotheses.deformed:
+                for candidate, kept in self._undeformed(deformed):
                     readings.append(self._soft(kept).astype(np.float32))
                     if candidate.log10_p < least:  # its own trials are charged already
                         best, least = candidate, candidate.log10_p
@@ -98,42 +99,35 @@ class Decoder:
             return Extraction(np.zeros(self.n_bits), view="nothing agrees with the key")
         return self._extraction(best, np.concatenate(readings))
 
-    def _unstrained(self, strained: Strained) -> Iterator[tuple[_Best, Floats]]:
-        """Ring by ring the best reading before a stretch or shear, every trial charged, and the values (h, K) kept."""
-        expected = self.expected_step * strained.area_diagonal_ratio
+    def _undeformed(self, deformed: Deformed) -> Iterator[tuple[_Best, Floats]]:
+        """Search by search the best reading before a deformation, every trial charged, and the values (h, K) kept."""
+        expected = self.expected_step * deformed.area_diagonal_ratio
         steps = self.steps[np.abs(np.log2(self.steps / expected)) <= 1.0]
         if not len(steps):
             return
-        measurement = next(iter(strained.unstrained.measurements(self.projections)))
-        assert measurement.jacobian is not None
-        assert measurement.covariance is not None
-        values = strained.surrogate.measured(self.projections)
-        G = values.metric(float(np.median(steps)))
-        tried, inner = 0, 0.0
-        for outer in RINGS:
-            e = ring(G, inner, outer)
-            if not len(e):
-                continue
-            tried, inner = tried + len(e) * len(steps), outer
-            starts = most_coherent(values, e, steps, self.projections.dither, self.n_bits, _STARTS)
-            step = steps[starts.step]
-            u = values.at(starts.e) / step[:, None] - self.projections.dither
-            frame = np.broadcast_to(measurement.jacobian[:, :7], (len(u), *measurement.jacobian[:, :7].shape))
-            jacobian = np.concatenate([frame, values.slope(starts.e)], axis=2) / step[:, None, None]
-            prior = np.zeros((len(u), 12, 12))
-            spread = (_NOISE * step[:, None, None]) ** 2
-            prior[:, :7, :7] = measurement.covariance[:7, :7] * spread + np.diag(_MIN_STD[:7] ** 2)
-            prior[:, 7:, 7:] = np.linalg.inv(G) * COVERED**2
-            moved = fit(u, jacobian, prior)
+        seen = next(iter(deformed.undeformed.measurements(self.projections)))
+        assert seen.jacobian is not None
+        values, tried = deformed.surrogate.measured(self.projections), 0
+        for starts, prior in values.searches(float(np.median(steps))):
+            tried += len(starts) * len(steps)
+            d, place = most_coherent(values, starts, steps, self.projections.dither, self.n_bits, _STARTS)
+            step = steps[place][:, None]
+            motions = [np.broadcast_to(seen.jacobian[:, :7], (len(d), *seen.jacobian[:, :7].shape)), values.slope(d)]
+            jacobian = np.concatenate(motions, axis=2)[:, :, : 7 + len(prior)] / step[:, :, None]
+            priors = np.array([block_diag(self._frame_prior(seen, each), prior) for each in step[:, 0]])
+            moved = fit(values.at(d) / step - self.projections.dither, jacobian, priors)
             p = log10_p(moved.u, self.n_bits, moved.log10_trials) + np.log10(tried)
-            best = int(np.argmin(p))
-            kept = moved.u[np.argsort(p, kind="stable")[:_KEPT]]
-            e_best = starts.e[best] + moved.motion[best, 7:]
-            view = f"{measurement.view}, before a strain of {np.linalg.norm(e_best):.3f}"
-            found = _Best(moved.u[best], float(p[best]), replace(measurement, view=view), float(step[best]), True)
-            yield found, kept
-            if found.clear and found.log10_p < _STOP_LOG10_P:
+            order = np.argsort(p, kind="stable")
+            found = replace(seen, view=f"{seen.view}, before a deformation")
+            best = _Best(moved.u[order[0]], float(p[order[0]]), found, float(step[order[0], 0]), fitted=True)
+            yield best, moved.u[order[:_KEPT]]
+            if best.clear and best.log10_p < _STOP_LOG10_P:
                 return
+
+    def _frame_prior(self, seen: Measurement, step: float) -> Floats:
+        """Covariance (7, 7) of the frame's motions that are expected, at a step."""
+        assert seen.covariance is not None
+        return np.asarray(seen.covariance[:7, :7] * (_NOISE * step) ** 2 + np.diag(_MIN_STD[:7] ** 2))
 
     def _extraction(self, best: _Best, readings: Floats) -> Extraction:
         seen = best.measurement

@@ -19,8 +19,8 @@ from o3dmark.mesh.pn_triangles import pn_triangles
 from o3dmark.mesh.smoothing import InverseSmoothing, Transfer, hc, taubin, umbrella
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._remembered import Remembered
+from o3dmark.methods.shape_spectrum.deformation import Surrogate
 from o3dmark.methods.shape_spectrum.hypotheses import PASSES, FrameHypothesis, SmoothingSweep
-from o3dmark.methods.shape_spectrum.strain import Surrogate
 from o3dmark.received import View, views
 from o3dmark.solid.frame import Frame, FrameFormat, FrameRule, rules
 from o3dmark.solid.solid import Solid
@@ -71,11 +71,11 @@ class Round(NamedTuple):
     area_diagonal_ratio: float
 
 
-class Strained(NamedTuple):
-    """A view as it would be under any small strain, and the hypothesis that there was none."""
+class Deformed(NamedTuple):
+    """A view as it would be under any small deformation, and the hypothesis that there was none."""
 
     surrogate: Surrogate
-    unstrained: FrameHypothesis
+    undeformed: FrameHypothesis
     area_diagonal_ratio: float
 
 
@@ -90,7 +90,7 @@ class Hypotheses:
         self.received, self.band, self.search, self._form = received, band, search, form
         self._found = Remembered(self._rounds())
         self._thorough: list[_Sight] = []
-        self._strained = Remembered(self._strains())
+        self._deformed = Remembered(self._deformations())
 
     def __iter__(self) -> Iterator[Round]:
         return iter(self._found)
@@ -113,14 +113,14 @@ class Hypotheses:
             yield from sight.searched()
 
     @property
-    def strained(self) -> Iterator["Strained"]:
-        """After all rounds: those views as they were before a stretch or a shear."""
-        yield from self._strained
+    def deformed(self) -> Iterator["Deformed"]:
+        """After all rounds: those views as they were before they were stretched, sheared, bent or twisted."""
+        yield from self._deformed
 
-    def _strains(self) -> Iterator["Strained"]:
+    def _deformations(self) -> Iterator["Deformed"]:
         for sight in self._thorough:
             try:
-                yield from sight.strained()
+                yield from sight.deformed()
             except MeshError:
                 continue
 
@@ -156,12 +156,12 @@ class _Sight:
         yield self._round(_every([first, *others], _distinct([m @ a for a in ambiguities for m in _MIRRORS])))
         yield from self._unsmoothed(solid, rule, first, ambiguities)
 
-    def strained(self) -> Iterator["Strained"]:
-        """Before a stretch or a shear, in each position of the axes. Errors: MeshError where one has no frame."""
+    def deformed(self) -> Iterator["Deformed"]:
+        """Before a deformation, in each position of the axes. Errors: MeshError where one has no frame."""
         surrogate = Surrogate.of(self.band, self.solid, self.rule, self.frames[0])
         for symmetry in self._ambiguities:
             first = replace(self._first, symmetry=symmetry)
-            yield Strained(surrogate.turned(self.band, symmetry), first, self._ratio)
+            yield Deformed(surrogate.turned(self.band, symmetry), first, self._ratio)
 
     def _round(self, hypotheses: Sequence[FrameHypothesis | SmoothingSweep], *, fit: bool = True) -> Round:
         return Round(hypotheses, fit, self._ratio)
