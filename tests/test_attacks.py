@@ -14,6 +14,8 @@ from o3dmark.registry import describe, spec_of
 RANDOM = [
     *("similarity", "stretch", "noise", "reorder", "twist", "bend", "crop", "holes", "paste"),
     *("poisson", "rescan", "print-scan"),
+    *("soup", "crack", "twice", "inside", "speck", "dust", "scene", "plate"),
+    *("strain", "flatten", "bump", "half", "warp"),
 ]
 NOTHING = [
     "identity",
@@ -36,11 +38,25 @@ NOTHING = [
     "crop:share=0",
     "crop:share=0,largest=true",
     "holes:share=0",
+    "crack:gap=0",
+    "crack:pieces=1",
+    "inside:size=0",
+    "dust:count=0",
+    "scene:objects=0",
+    "plate:copies=1",
+    "strain:amount=0",
+    "flatten:share=0",
+    "bump:height=0",
+    "half:iterations=0",
+    "sharpen:strength=0",
+    "bilateral:iterations=0",
+    "warp:amplitude=0",
     "meshopt-simplify:ratio=0",
 ]
 SAME_ELEMENTS = [  # geometry only: vertex i is still vertex i
     *("identity", "similarity", "stretch", "mirror", "axes", "units", "noise", "quantise", "float16"),
     *("smooth", "taubin", "hc", "twist", "bend"),
+    *("strain", "flatten", "bump", "half", "sharpen", "bilateral", "warp"),
 ]
 
 
@@ -142,6 +158,14 @@ def test_no_strength_is_the_identity(spec: str) -> None:
         ("smooth:iterations={}", (1, 5, 10, 30)),
         ("smooth:strength={}", (0.05, 0.1, 0.3)),
         ("stretch:amount={}", (0.01, 0.1, 0.3)),
+        ("strain:amount={}", (0.005, 0.02, 0.1)),
+        ("strain:kind=shear,amount={}", (0.005, 0.02, 0.1)),
+        ("flatten:share={}", (0.005, 0.02, 0.2)),
+        ("bump:height={}", (0.003, 0.01, 0.05)),
+        ("half:iterations={}", (1, 10, 30)),
+        ("sharpen:strength={}", (0.1, 0.5, 2.0)),
+        ("bilateral:iterations={}", (1, 5, 20)),
+        ("warp:amplitude={}", (1e-4, 5e-4, 2e-3)),
         ("twist:angle={}", (1, 5, 15, 40)),
         ("bend:angle={}", (1, 5, 15, 40)),
         ("simplify:ratio={}", (0.1, 0.5, 0.9, 0.975)),

@@ -26,13 +26,13 @@ def projections(key: Key) -> Projections:
 class Hearsay:
     """Hypotheses of one round, which are measured as one is told: values (K,) and what to call them."""
 
-    area_diagonal_ratio = 2.0
+    deformed: tuple[()] = ()
 
     def __init__(self, **values: np.ndarray) -> None:
         self.values = values
 
     def __iter__(self) -> Iterator[Round]:
-        yield Round([self], fit=False)  # type: ignore[list-item]
+        yield Round([self], fit=False, area_diagonal_ratio=2.0)  # type: ignore[list-item]
 
     def measurements(self, _: Projections) -> Iterator[Measurement]:
         for view, values in self.values.items():

@@ -10,7 +10,7 @@ from fixtures.npz_asset import Npz, npz
 from fixtures.shapes import UNIT_SQUARE, icosphere
 from o3dmark import marking
 from o3dmark.coding.keys import Key
-from o3dmark.errors import CapacityError, MeshError
+from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import ASSETS, Asset, Source, open_asset
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.profiles import PROFILES
@@ -106,45 +106,78 @@ def test_raw_bits(opened: Opened, spot_arrays, key: Key) -> None:
     np.testing.assert_array_equal(Watermark(n_bits=16).extract_bits(written, key).bits, bits)
 
 
-def test_the_views_of_a_scene(opened: Opened, spot_arrays) -> None:
+def test_the_views_of_a_file_are_its_parts_and_all_of_it(opened: Opened, spot_arrays) -> None:
     vertices, triangles = spot_arrays
-    assert [view.part for view in marking.views(opened(spot_arrays))] == ["mesh 0"]
+    assert [view.part for view in marking.views(opened(spot_arrays), MARK.method)] == ["mesh 0"]
     scene = opened(icosphere(2), UNIT_SQUARE, (vertices + 9.0, triangles))
-    assert [view.part for view in marking.views(scene)] == [
-        *("mesh 2", "all of it", "mesh 0"),
-        *("piece 1, by area", "piece 2, by area"),
-    ]
-    plate = triangle_mesh(np.vstack([vertices, vertices + 9.0]), np.vstack([triangles, triangles + len(vertices)]))
-    views = marking.views(plate)
-    assert [view.part for view in views] == ["all of it", "piece 1, by area", "piece 2, by area"]
-    assert [len(view.shape.triangles) for view in views] == [2 * len(triangles), len(triangles), len(triangles)]
+    assert [view.part for view in marking.views(scene, MARK.method)] == ["mesh 2", "mesh 0", "all of it"]
     cloud = point_cloud(vertices)
-    assert [view.shape for view in marking.views(cloud)] == [cloud]
+    assert [view.shape for view in marking.views(cloud, MARK.method)] == [cloud]
     with pytest.raises(MeshError, match="holds no mesh of triangles"):
-        marking.views(opened())
+        marking.views(opened(), MARK.method)
 
 
-def test_triangles_with_corners_of_their_own_are_one_piece(spot_arrays) -> None:
+def test_for_a_method_that_does_not_look_for_pieces_they_are_views(spot_arrays) -> None:
     vertices, triangles = spot_arrays
-    soup = triangle_mesh(vertices[triangles.ravel()], np.arange(triangles.size).reshape(-1, 3))
-    assert len(marking.views(soup)) == 1
+    plate = triangle_mesh(np.vstack([vertices, vertices + 9.0]), np.vstack([triangles, triangles + len(vertices)]))
+    views = marking.views(plate, PROFILES["tiny-2026"].method)
+    assert [view.part for view in views] == ["all of it", "piece 1, by area", "piece 2, by area"]
+    assert [len(view.shape.triangles) for view in views[1:]] == [len(triangles)] * 2
+    assert len(marking.views(plate, MARK.method)) == 1
 
 
-def test_a_print_plate_is_read_by_its_pieces_and_charged_for_all_views(spot_arrays, key: Key) -> None:
+def test_a_print_plate_is_read_by_its_pieces_and_they_are_charged(spot_arrays, key: Key) -> None:
     vertices, triangles = spot_arrays
     marked = MARK.embed(triangle_mesh(vertices, triangles), "me", key)
-    alone = MARK.extract(marked, key)
+    alone = marking.extract(marked, MARK, key)
     moved = np.asarray(marked.vertices) + np.array([9.0, 0, 0])
     both = np.vstack([np.asarray(marked.vertices), moved])
     plate = triangle_mesh(both, np.vstack([triangles, triangles + len(vertices)]))
     found = marking.extract(plate, MARK, key)
-    assert (found.reading.message, found.part) == ("me", "piece 1, by area")
-    assert found.reading.decoded.log10_p == pytest.approx(alone.decoded.log10_p + np.log10(3), abs=1e-3)
+    assert (found.reading.message, found.part) == ("me", "all of it: piece 1, by area")
+    assert found.reading.extraction.hypotheses > alone.reading.extraction.hypotheses
+    assert found.reading.decoded.log10_p > alone.reading.decoded.log10_p
     known = marking.detect(plate, MARK, key, "me")
     assert known.detection.present
     assert not marking.detect(plate, MARK, Key(bytes(32)), "me").detection.present
     other = marking.detect(plate, MARK, key, "us")
-    assert (other.detection.present, other.detection.other, other.part) == (False, "me", "piece 1, by area")
+    assert (other.detection.present, other.detection.other) == (False, "me")
+    assert other.part == "all of it: piece 1, by area"
+
+
+class TestProfiles:
+    def test_where_nobody_says_which_profile_all_are_tried(self, spot_arrays, key: Key) -> None:
+        mesh = triangle_mesh(*spot_arrays)
+        for name in ("robust-2026", "slender-2026", "invisible-2026"):
+            message = "me"
+            marked = PROFILES[name].embed(mesh, message, key)
+            found = marking.extract(marked, None, key)
+            assert found.reading.message == message
+            known = marking.detect(marked, None, key, message)
+            assert known.detection.present
+            if name == "slender-2026":  # robust and invisible have steps in common
+                assert found.profile == known.profile == name
+
+    def test_the_default_pays_half_and_the_others_share_the_rest(self, spot_arrays, key: Key) -> None:
+        marked = PROFILES["robust-2026"].embed(triangle_mesh(*spot_arrays), "me", key)
+        one, all_ = (marking.extract(marked, mark, key).reading for mark in (PROFILES["robust-2026"], None))
+        assert all_.decoded.log10_p == pytest.approx(one.decoded.log10_p + np.log10(2), abs=1e-3)
+
+    def test_the_first_profile_that_holds_the_message_is_taken(self, opened: Opened, spot_arrays, key: Key) -> None:
+        vertices, triangles = spot_arrays
+        asset = opened((vertices * [1.0, 12.0, 1.0], triangles))
+        chosen = marking.embed_by_any(asset, "mine", key)
+        assert chosen.profile == "slender-2026"
+        assert "too slender" in chosen.refused["robust-2026"]
+        assert marking.extract(after(asset, chosen.marked), None, key).reading.message == "mine"
+
+    def test_a_refusal_says_what_each_profile_said(self, opened: Opened, key: Key) -> None:
+        with pytest.raises(MeshError, match=r"no profile does: robust-2026: .*; tiny-2026: "):
+            marking.embed_by_any(opened(UNIT_SQUARE), "m", key)
+
+    def test_a_message_that_no_profile_can_hold_is_one(self, opened: Opened, spot_arrays, key: Key) -> None:
+        with pytest.raises((SpecError, MeshError), match=r"too long|bytes"):
+            marking.embed_by_any(opened(spot_arrays), "x" * 99, key)
 
 
 def test_of_two_messages_in_a_file_each_is_there(opened: Opened, spot_arrays, key: Key) -> None:

@@ -229,7 +229,7 @@ def test_the_fit_undoes_a_motion_it_expects() -> None:
     prior = np.diag(np.full(7, 2e-3**2))[None]
     moved = u - np.einsum("hkp,p->hk", jacobian, rng.standard_normal(7) * 1e-3)
     assert coherence(moved)[0] < 0.6
-    fitted, log10_trials = fit(moved, jacobian, prior)
+    fitted, log10_trials, _ = fit(moved, jacobian, prior)
     assert coherence(fitted)[0] > 0.99
     assert log10_trials[0] > 0
 
@@ -241,7 +241,7 @@ def test_the_significance_of_random_values_is_a_p_value() -> None:
     prior = np.broadcast_to(np.diag(np.full(7, 1e-3**2)), (40, 7, 7))
     plain, fitted = [], []
     for u in rng.random((25, 40, 64)):
-        moved, log10_trials = fit(u, jacobian, prior)
+        moved, log10_trials, _ = fit(u, jacobian, prior)
         plain.append(log10_p(u, 64))
         fitted.append(log10_p(moved, 64, log10_trials))
     for found in (np.concatenate(plain), np.concatenate(fitted)):

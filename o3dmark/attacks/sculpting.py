@@ -145,9 +145,10 @@ class Bilateral(Attack):
             away = v[b] - v[a]
             height = np.einsum("ed,ed->e", away, normals[a])
             weight = np.exp(-0.5 * np.sum(away**2, axis=1) / mean**2 - 0.5 * (height / (self.height * mean)) ** 2)
-            total = np.bincount(a, weight, minlength=len(v))
-            step = np.bincount(a, weight * height, minlength=len(v)) / np.maximum(total, 1e-300)
-            v = v + step[:, None] * normals
+            total = 1.0 + np.bincount(
+                a, weight, minlength=len(v)
+            )  # the vertex itself counts whole, or corners would go
+            v = v + (np.bincount(a, weight * height, minlength=len(v)) / total)[:, None] * normals
         return with_vertices(mesh, surface, v)
 
 

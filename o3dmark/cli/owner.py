@@ -50,6 +50,7 @@ def embed(
     from o3dmark import marking, watermark
     from o3dmark.coding.keys import Key
     from o3dmark.files import ASSETS, destination, open_asset
+    from o3dmark.profiles import PROFILES
 
     if (message is None) == (bits is None):
         raise typer.BadParameter("give either --message or --bits")
@@ -61,8 +62,17 @@ def embed(
     hidden = str(message) if bits is None else watermark.parse_bits(bits)
     mark = _watermark(method, profile, n_bits if bits is None else len(hidden))
     started = time.perf_counter()
+    chosen = _profile(method, profile)
     try:
-        marked = marking.embed(asset, mark, hidden, secret, name=output.name, names=target.names)
+        if message is not None and (method, profile, n_bits) == (None, None, None):
+            marked, chosen, refused = marking.embed_by_any(asset, message, secret, name=output.name, names=target.names)
+            mark = PROFILES[chosen]
+            for other, why in refused.items():
+                say(f"{other} does not do: {why}")
+            if refused:
+                say(f"marked with {chosen}")
+        else:
+            marked = marking.embed(asset, mark, hidden, secret, name=output.name, names=target.names)
     except ConversionError:  # whatever the profile
         raise
     except MeshError as error:
@@ -70,7 +80,7 @@ def embed(
         raise
     if marked.verified:
         target.write(marked.files)
-    report: dict[str, Any] = {"output": str(output) if marked.verified else None, "profile": _profile(method, profile)}
+    report: dict[str, Any] = {"output": str(output) if marked.verified else None, "profile": chosen}
     report |= mark.to_dict() | {"message": message, "bits": bits, "verified": marked.verified}
     report |= _cost(marked) | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
     report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}
@@ -100,12 +110,13 @@ def extract(
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
-    about = {"method": mark.to_dict()["method"], "profile": _profile(method, profile), "n_bits": mark.n_bits}
     if raw:
         bits = watermark.raw_dict(mark.extract_bits(read_shape(source), secret, reference=cover))
-        print_result(about | bits | {"seconds": since(started)}, json)
+        print_result(_about(mark, _profile(method, profile)) | bits | {"seconds": since(started)}, json)
         return
-    found = marking.extract(open_shape(source), mark, secret, reference=cover, false_positive_rate=fpr)
+    asked = None if (method, profile, n_bits) == (None, None, None) else mark
+    found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr)
+    about = _about_found(found.profile, mark, method, profile)
     print_result(found.reading.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if not found.reading.found:
         raise typer.Exit(1)
@@ -133,13 +144,25 @@ def detect(
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
-    found = marking.detect(open_shape(source), mark, secret, message, reference=cover, false_positive_rate=fpr)
-    about = {"method": mark.to_dict()["method"], "profile": _profile(method, profile), "part": found.part}
-    print_result(found.detection.to_dict() | about | {"seconds": since(started)}, json)
+    asked = None if (method, profile, n_bits) == (None, None, None) else mark
+    found = marking.detect(open_shape(source), asked, secret, message, reference=cover, false_positive_rate=fpr)
+    about = _about_found(found.profile, mark, method, profile)
+    print_result(found.detection.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if found.detection.other is not None:
         say(f"another message reads better: {printable(found.detection.other)}")
     if not found.detection.present:
         raise typer.Exit(1)
+
+
+def _about(mark: "Watermark", profile: str | None) -> dict[str, Any]:
+    return {"method": mark.to_dict()["method"], "profile": profile, "n_bits": mark.n_bits}
+
+
+def _about_found(found: str | None, mark: "Watermark", method: str | None, profile: str | None) -> dict[str, Any]:
+    """The profile under which something was found, or the one that was asked for."""
+    from o3dmark.profiles import PROFILES
+
+    return _about(mark, _profile(method, profile)) if found is None else _about(PROFILES[found], found)
 
 
 def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark":

@@ -6,7 +6,7 @@ candidate, charged for every candidate, reading, view and pass, is the probabili
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Any, TypeAlias
@@ -20,6 +20,7 @@ from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
 from o3dmark.methods import Extraction, Method, Progress, silent
+from o3dmark.profiles import DEFAULT_PROFILE
 from o3dmark.watermark import Watermark
 
 _PASSES = 3  # the quick look, which reads most, the search, and the look for a mixture
@@ -137,7 +138,7 @@ class Tracer:
 
     def trace(self, received: Any) -> Trace:
         """Whose copy an asset, mesh or point cloud is. Errors: MeshError when nothing of it can be read."""
-        looked_at, covers = views(received), self._covers
+        looked_at, covers = views(received, self._method), self._covers
         readings = _PASSES * len(looked_at) * (1 + len(covers))
         found = Trace(None, None, self.candidates, self.false_positive_rate)
         error: MeshError | None = None
@@ -202,8 +203,13 @@ class Tracer:
         for view in looked_at:
             seen: dict[Method, Any] = {}
             for batch in self.batches:
-                method = _quick(batch.watermark.method) if quick else batch.watermark.method
+                method = batch.watermark.method.quick if quick else batch.watermark.method
                 yield batch, view.part, _extracted(method, view.shape, batch, seen), False
+
+    @property
+    def _method(self) -> Method:
+        """What decides on views: of all batches the first, or the default where there is none."""
+        return (self.batches[0].watermark if self.batches else copies_watermark(DEFAULT_PROFILE)).method
 
     @cached_property
     def _covers(self) -> list[Any]:
@@ -222,20 +228,13 @@ def _named(batch: Batch, candidate: Candidate) -> Named:
     return Named(batch.copies[candidate.index], candidate.log10_p, candidate.agreement)
 
 
-def _quick(method: Method) -> Method:
-    """A method that looks at what is as it was received, if it knows the difference."""
-    if any(each.name == "search" for each in fields(method)):
-        return replace(method, search=False)  # type: ignore[call-arg]
-    return method
-
-
 def _extracted(
     method: Method, shape: Any, batch: Batch, seen: dict[Method, Any], cover: Any = None
 ) -> Extraction | MeshError:
     """What a shape shows under a key; ``seen`` keeps what it shows whatever the key."""
     try:
-        if method not in seen:
-            seen[method] = method.observe(shape)
-        return method.extract(seen[method], batch.watermark.n_bits, batch.key, reference=cover)
+        if method.sight not in seen:
+            seen[method.sight] = method.observe(shape)
+        return method.extract(seen[method.sight], batch.watermark.n_bits, batch.key, reference=cover)
     except MeshError as error:
         return error

@@ -3,15 +3,18 @@
 embedding   asset, watermark, message, key -> the bytes of the marked asset, read back before they are returned
 reading     asset or shape, watermark, key -> what was read, and in which part
 views       the meshes that a received file shows, in the order in which they are looked at
+choice      with which profile, where nobody says
 advice      what does work where a mark does not fit: tried, not guessed
 """
 
 from o3dmark.marking.advice import advice
+from o3dmark.marking.choice import Chosen, embed_by_any
 from o3dmark.marking.embedding import Edition, Left, Marked, embed, mesh_of
 from o3dmark.marking.reading import PartDetection, PartReading, detect, extract
 from o3dmark.marking.views import View, views
 
 __all__ = [
+    "Chosen",
     "Edition",
     "Left",
     "Marked",
@@ -21,6 +24,7 @@ __all__ = [
     "advice",
     "detect",
     "embed",
+    "embed_by_any",
     "extract",
     "mesh_of",
     "views",

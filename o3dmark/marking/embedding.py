@@ -180,7 +180,7 @@ class Edition:
         except MeshError as error:
             raise ConversionError(f"{error}; as {self.asset.path.suffix} it can be marked all the same") from None
         first = next(iter(marked.moved))
-        shapes = (Part("", *mesh_arrays(view.shape)) for view in views(done.asset))
+        shapes = (Part("", *mesh_arrays(view.shape)) for view in views(done.asset, self.watermark.method))
         if not any(self._reads(shape, first, message) for shape in shapes):
             why = f"the mark cannot be read back after the conversion to {suffix}"
             return Marked(self.asset, {}, {}, (*marked.left, *(Left(part.name, why) for part in marked.parts)))

@@ -1,46 +1,62 @@
-"""Reading a received file: the views of it one after the other until one speaks, every one of them charged."""
+"""Reading a received file: its parts one after the other until one speaks, every one of them charged.
+
+First each part at first sight, which reads what was not disturbed, then each with a search. Where nobody says which
+profile it was, all are tried, the default first: half of the evidence asked for is its, the others share the rest.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from o3dmark.coding.detection import Detection
 from o3dmark.coding.keys import Key
-from o3dmark.errors import MeshError
-from o3dmark.marking.views import views
-from o3dmark.methods import Extraction
+from o3dmark.errors import MeshError, SpecError
+from o3dmark.marking.views import View, views
+from o3dmark.methods import Extraction, Method
+from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Reading, Watermark
 
 
 @dataclass(frozen=True)
 class PartReading:
-    """What was read, and in which part of the file."""
+    """What was read, in which part of the file, and under which profile, if that was not said."""
 
     part: str
     reading: Reading
+    profile: str | None = None
 
 
 @dataclass(frozen=True)
 class PartDetection:
-    """Whether the mark is there, and in which part of the file."""
+    """Whether the mark is there, in which part of the file, and under which profile, if that was not said."""
 
     part: str
     detection: Detection
+    profile: str | None = None
+
+
+class _Seen(NamedTuple):
+    """What a part of the file shows to a watermark, all that is tried charged."""
+
+    part: str
+    watermark: Watermark
+    profile: str | None
+    extraction: Extraction
 
 
 def extract(
-    received: Any, watermark: Watermark, key: Key, *, reference: Any = None, false_positive_rate: float = 1e-4
+    received: Any, watermark: Watermark | None, key: Key, *, reference: Any = None, false_positive_rate: float = 1e-4
 ) -> PartReading:
-    """Read the message of an `Asset`, mesh or point cloud; the most certain reading of its views.
+    """Read the message of an `Asset`, mesh or point cloud; the most certain reading of its parts.
 
-    A wrong key yields a message no more often than ``false_positive_rate``, whatever the number of views.
-    Errors: MeshError when no view can be read at all.
+    ``watermark`` None: all profiles are tried. A wrong key yields a message no more often than ``false_positive_rate``,
+    whatever the number of parts and profiles. Errors: MeshError when nothing can be read at all.
     """
     best: PartReading | None = None
-    for part, extraction in _extractions(received, watermark, key, reference):
-        reading = watermark.decode(extraction, key, false_positive_rate=false_positive_rate)
+    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference):
+        reading = mark.decode(extraction, key, false_positive_rate=false_positive_rate)
         if best is None or reading.decoded.log10_p < best.reading.decoded.log10_p:
-            best = PartReading(part, reading)
+            best = PartReading(part, reading, profile)
         if best.reading.found:
             break
     assert best is not None
@@ -49,7 +65,7 @@ def extract(
 
 def detect(
     received: Any,
-    watermark: Watermark,
+    watermark: Watermark | None,
     key: Key,
     message: str | None = None,
     *,
@@ -58,16 +74,26 @@ def detect(
 ) -> PartDetection:
     """Is the mark in an `Asset`, mesh or point cloud? As `Watermark.detect`, in the part that shows it best.
 
-    Where no part does, the answer is that of one that shows another message, if any.
+    ``watermark`` None: all profiles are tried that can hold the message. Where no part shows it, the answer is that of
+    one that shows another message, if any. Errors: as `extract`; SpecError when no profile holds the message.
     """
     best: PartDetection | None = None
-    for part, extraction in _extractions(received, watermark, key, reference):
-        found = watermark.test(extraction, key, message, false_positive_rate=false_positive_rate)
+    wrong: SpecError | None = None
+    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference):
+        try:
+            found = mark.test(extraction, key, message, false_positive_rate=false_positive_rate)
+        except SpecError as error:
+            if profile is None:
+                raise
+            wrong = error
+            continue
         if best is None or _telling(found) < _telling(best.detection):
-            best = PartDetection(part, found)
+            best = PartDetection(part, found, profile)
         if best.detection.present:
             break
-    assert best is not None
+    if best is None:
+        assert wrong is not None
+        raise wrong
     return best
 
 
@@ -76,24 +102,68 @@ def _telling(detection: Detection) -> tuple[bool, bool, float]:
     return not detection.present, detection.other is None, detection.log10_p
 
 
-def _extractions(received: Any, watermark: Watermark, key: Key, reference: Any) -> Iterator[tuple[str, Extraction]]:
-    """(part, extraction) of each view that can be read, charged for all views. Errors: MeshError when none can."""
-    looked_at = views(received)
+def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: Any) -> Iterator[_Seen]:
+    """What can be read, the likeliest first. Errors: MeshError when nothing can."""
+    marks = {None: watermark} if watermark is not None else _profiles(reference)
+    looks = [_Look(name, mark, views(received, mark.method)) for name, mark in marks.items()]
+    observed: dict[tuple[int, Method], Any] = {}
     error: MeshError | None = None
     read = False
-    for view in looked_at:
-        try:
-            extraction = watermark.extract_bits(view.shape, key, reference=reference)
-        except MeshError as refusal:
-            error = error or refusal
-            continue
-        read = True
-        yield view.part, charged(extraction, len(looked_at))
+    for quick in (True, False) if reference is None else (False,):
+        for look in looks:
+            if quick and look.watermark.method.quick is look.watermark.method:
+                continue
+            for number, view in enumerate(look.views):
+                try:
+                    extraction = look.extraction(number, key, reference, observed, quick=quick)
+                except MeshError as refusal:
+                    error = error or refusal
+                    continue
+                read = True
+                charge = len(look.views) * look.passes(reference) * _charge(look.profile, len(looks))
+                part = ": ".join(filter(None, [view.part, extraction.part]))
+                yield _Seen(part, look.watermark, look.profile, charged(extraction, charge))
     if not read:
         raise error or MeshError("there is nothing to read")
 
 
-def charged(extraction: Extraction, views: int) -> Extraction:
-    """An extraction that was chosen among those of so many views."""
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A watermark to look for, in these views of a file."""
+
+    profile: str | None
+    watermark: Watermark
+    views: list[View]
+
+    def extraction(
+        self, number: int, key: Key, reference: Any, observed: dict[tuple[int, Method], Any], *, quick: bool
+    ) -> Extraction:
+        """What a view shows; ``observed`` keeps what it shows whatever the key and the profile."""
+        method = self.watermark.method.quick if quick else self.watermark.method
+        place = number, method.sight
+        if place not in observed:
+            observed[place] = method.observe(self.views[number].shape)
+        return method.extract(observed[place], self.watermark.n_bits, key, reference=reference)
+
+    def passes(self, reference: Any) -> int:
+        """How often the views are looked at: also at first sight, where the method knows the difference."""
+        return 1 if reference is not None or self.watermark.method.quick is self.watermark.method else 2
+
+
+def _profiles(reference: Any) -> dict[str | None, Watermark]:
+    """All profiles, the default first; beside a reference those that can use it."""
+    names = sorted(PROFILES, key=lambda name: name != DEFAULT_PROFILE)
+    return {name: PROFILES[name] for name in names if reference is None or PROFILES[name].method.takes_reference}
+
+
+def _charge(profile: str | None, count: int) -> int:
+    """By how much p-values grow because ``count`` profiles are tried."""
+    if count == 1:
+        return 1
+    return 2 if profile == DEFAULT_PROFILE else 2 * (count - 1)
+
+
+def charged(extraction: Extraction, times: int) -> Extraction:
+    """An extraction that was chosen among so many."""
     tried = max(extraction.hypotheses, 0 if extraction.readings is None else len(extraction.readings))
-    return replace(extraction, hypotheses=tried * views)
+    return replace(extraction, hypotheses=tried * times)

@@ -32,7 +32,8 @@ class Extraction:
     """What a method read: ``soft`` (n_bits,), positive for 1, negative for 0, the magnitude is the trust in it.
 
     hypotheses   readings (steps, smoothings, frames, ...) among which this one was chosen; p-values are charged for all
-    view         how the mesh was looked at, in words: "as received", "mirrored", ...
+    part         what of the mesh was looked at: empty for all of it, "outermost", "piece 2, by area", ...
+    view         how it was looked at, in words: "as received", "mirrored", ...
     step         quantisation step of the reading, in the method's unit; None where nothing was read
     smoothing    name of the filter that was undone, None for none; ``passes`` of it
     fitted       whether parameters of the view were fitted to the codewords
@@ -42,6 +43,7 @@ class Extraction:
 
     soft: Floats
     hypotheses: int = 1
+    part: str = ""
     view: str = ""
     step: float | None = None
     smoothing: str | None = None
@@ -60,11 +62,11 @@ class Extraction:
         """The fields above as a line for people."""
         undone = f"{self.passes} passes of {self.smoothing} smoothing undone" if self.smoothing else ""
         step = "" if self.step is None else f"step {self.step:.5f}"
-        return ", ".join(filter(None, (self.view, undone, "frame fitted" if self.fitted else "", step)))
+        return ", ".join(filter(None, (self.part, self.view, undone, "frame fitted" if self.fitted else "", step)))
 
     def which(self) -> dict[str, Any]:
         """Which reading it was: the fields that say so, by name, ready for JSON."""
-        names = ("view", "step", "smoothing", "passes", "fitted", "coherence")
+        names = ("part", "view", "step", "smoothing", "passes", "fitted", "coherence")
         return {name: getattr(self, name) for name in names}
 
     def nearest(self, bits: ArrayLike) -> "Extraction":
@@ -74,7 +76,7 @@ class Extraction:
         agreement = self.readings @ (2.0 * np.asarray(bits, np.float64) - 1.0)
         best = self.readings[np.argmax(agreement / np.maximum(np.linalg.norm(self.readings, axis=1), 1e-12))]
         charged = max(self.hypotheses, len(self.readings))
-        return Extraction(np.asarray(best, np.float64), charged, "the reading nearest to the known bits")
+        return Extraction(np.asarray(best, np.float64), charged, view="the reading nearest to the known bits")
 
     def detect(self, bits: ArrayLike, *, false_positive_rate: float = 1e-6) -> Detection:
         """Test for known ``bits`` (n_bits,): of all readings the one that agrees best, every one charged."""
@@ -87,7 +89,18 @@ class Method(abc.ABC):
     """A way to hide bits in a mesh. Options are the fields; a mesh, a key and bits are the data."""
 
     name: ClassVar[str] = ""
+    finds_pieces: ClassVar[bool] = False  # whether it looks by itself at all that a surface may be (see `received`)
     claims: ClassVar[tuple[str, ...]] = ()  # attacks that 16 bits must survive: the contract tests
+
+    @property
+    def quick(self) -> "Method":
+        """The method that only looks at first sight; itself, where there is no difference."""
+        return self
+
+    @property
+    def sight(self) -> "Method":
+        """A method that observes the same in a mesh: what one has observed another with the same sight takes."""
+        return self
 
     @property
     def informed(self) -> bool:

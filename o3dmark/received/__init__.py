@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from o3dmark.arrays import Bools
+from o3dmark.arrays import Bools, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.inside import pieces, seen, within
@@ -33,7 +33,7 @@ _UNSEEN = 1e-3  # of the area: less that nobody sees is left where it is
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A surface to look for a mark in; ``name`` says what it is of the one received.
+    """A surface to look for a mark in; ``name`` says what it is of the one received, empty for all of it.
 
     ``thorough``: whether a long search in it is worth while. It is, in the view as received and in the one that looks
     most like the object by itself.
@@ -54,28 +54,34 @@ def views(received: Surface) -> Iterator[View]:
 
 def _views(received: Surface) -> Iterator[View]:
     whole = mended(received)
-    yield View("as received", whole, thorough=True)
+    yield View("", whole, thorough=True)
     if open_edges(whole) or not _wound_alike(whole):
         yield View("as wound", replace(received, as_wound=True))
     for number, surface in enumerate(ladder(received) if open_edges(whole) else [], start=1):
         if len(surface.vertices) != len(whole.vertices):
             yield View(f"welded {number}", surface)
-    yield from _parts(whole)
+    piece = pieces(whole)
+    outer = _outermost(whole, piece)
+    if len(outer) > 1:
+        yield from _parts(whole, piece, outer)
     visible = seen(whole)
-    hidden = geometry.areas(whole.vertices, whole.triangles[~visible]).sum()
-    if hidden > _UNSEEN * whole.area:
+    hidden = ~visible & outer[piece]
+    if geometry.areas(whole.vertices, whole.triangles[hidden]).sum() > _UNSEEN * whole.area:
         yield from _of(whole, visible, "what is seen")
 
 
-def _parts(whole: Surface) -> Iterator[View]:
+def _outermost(whole: Surface, piece: Ints) -> Bools:
+    """Which pieces are not within others, as far as that is asked."""
+    outer = np.ones(int(piece.max()) + 1, bool)
+    count = min(len(outer), _MOST_PIECES)
+    if count > 1:
+        outer[:count] = ~within(whole, piece, count)
+    return outer
+
+
+def _parts(whole: Surface, piece: Ints, outer: Bools) -> Iterator[View]:
     """The outermost pieces together, and the largest pieces, each alone."""
-    piece = pieces(whole)
     areas = np.bincount(piece, geometry.areas(whole.vertices, whole.triangles))
-    if len(areas) == 1:
-        return
-    outer = np.ones(len(areas), bool)
-    count = min(len(areas), _MOST_PIECES)
-    outer[:count] = ~within(whole, piece, count)
     large = outer & (areas > _LARGE * whole.area)
     if not outer.all():
         yield from _of(whole, outer[piece], "outermost", thorough=bool((outer == large).all()))

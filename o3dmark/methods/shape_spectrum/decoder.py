@@ -118,7 +118,7 @@ class Decoder:
             moved = fit(values.at(d) / step - self.projections.dither, jacobian, priors)
             p = log10_p(moved.u, self.n_bits, moved.log10_trials) + np.log10(tried)
             order = np.argsort(p, kind="stable")
-            found = replace(seen, view=f"{seen.view}, before a deformation")
+            found = replace(seen, view="before a deformation")
             best = _Best(moved.u[order[0]], float(p[order[0]]), found, float(step[order[0], 0]), fitted=True)
             yield best, moved.u[order[:_KEPT]]
             if best.clear and best.log10_p < _STOP_LOG10_P:
@@ -134,6 +134,7 @@ class Decoder:
         return Extraction(
             self._soft(best.u),
             len(readings),
+            seen.part,
             seen.view,
             best.step,
             seen.smoothing,

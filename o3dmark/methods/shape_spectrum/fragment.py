@@ -59,13 +59,13 @@ def read_fragment(received: Surface, cover: Cover, steps: Floats, n_bits: int) -
     model, points = _CoverModel(cover, steps), _Points.of(received)
     fit = _best_fit(model, points, poses)
     if fit is None:
-        return Extraction(np.zeros(n_bits), tried, "lies nowhere on the cover")
+        return Extraction(np.zeros(n_bits), tried, view="lies nowhere on the cover")
     values = model.cover.project(model.cover.moved(fit.change))
     readings = [_decoded(model, fit, values, step) for step in steps]
     best = max(range(len(steps)), key=lambda i: readings[i].evidence)
     soft = np.tanh(readings[best].log_odds.reshape(-1, n_bits).sum(axis=0) / 2.0)
     view = f"aligned with the cover, {fit.noise / model.surface.diagonal:.1e} of its diagonal off"
-    return Extraction(soft, tried, view, float(steps[best]))
+    return Extraction(soft, tried, view=view, step=float(steps[best]))
 
 
 class _CoverModel:

@@ -36,6 +36,7 @@ class Measurement:
     view: str
     smoothing: str | None = None
     passes: int = 0
+    part: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,7 @@ class FrameHypothesis:
     view: str = "as received"
     smoothing: str | None = None
     passes: int = 0
+    part: str = ""
 
     def values(self, projections: Projections) -> Floats:
         """The projections (K,) alone, before any bulging."""
@@ -61,7 +63,7 @@ class FrameHypothesis:
         hand = np.linalg.det(self.symmetry)
         view = self.view + (", mirrored" if hand < 0 else "")
         if self.covariance is None:
-            yield Measurement(self.values(projections), None, None, view, self.smoothing, self.passes)
+            yield Measurement(self.values(projections), None, None, view, self.smoothing, self.passes, self.part)
             return
         spectrum = self.spectrum.turned(self.symmetry)
         motions = spectrum.frame_derivative()
@@ -74,6 +76,7 @@ class FrameHypothesis:
             view,
             self.smoothing,
             self.passes,
+            self.part,
         )
 
 

@@ -22,7 +22,7 @@ wrong key, each bit remains a fair coin. All the readings tried are counted neve
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -94,6 +94,18 @@ class ShapeSpectrum(Method):
             raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
         if not 1 <= self.rungs <= 200:
             raise ValueError(f"rungs should be 1 to 200, not {self.rungs}")
+
+    finds_pieces = True
+
+    @property
+    def quick(self) -> "ShapeSpectrum":
+        """See `Method.quick`: the mesh as received, in the frame that it has."""
+        return replace(self, search=False) if self.search else self
+
+    @property
+    def sight(self) -> "ShapeSpectrum":
+        """See `Method.sight`: the band decides what is observed, and how far the search goes."""
+        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none")
 
     @property
     def takes_reference(self) -> bool:

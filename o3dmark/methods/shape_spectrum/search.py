@@ -140,7 +140,7 @@ class _Sight:
         """The values as they are."""
         frame = self.frames[0]
         spectrum = Spectrum.of_solid(self.band, frame.solid(self.solid))
-        yield self._round([FrameHypothesis(frame, spectrum, view=self.view.name)], fit=False)
+        yield self._round([FrameHypothesis(frame, spectrum, part=self.view.name)], fit=False)
 
     def fitted(self) -> Round:
         """With the frame fitted."""
@@ -168,7 +168,7 @@ class _Sight:
 
     @cached_property
     def _first(self) -> FrameHypothesis:
-        return replace(self._seen(self.rule, self.solid, self.frames[0]), view=self.view.name)
+        return self._seen(self.rule, self.solid, self.frames[0])
 
     @cached_property
     def _ambiguities(self) -> list[Floats]:
@@ -181,7 +181,8 @@ class _Sight:
         response = rule.response(solid, frame, normals)
         covariance = np.zeros((8, 8))
         covariance[:7, :7] = response @ response.T / np.sum(seen.vertex_areas**2)
-        return FrameHypothesis(frame, Spectrum.of_solid(self.band, seen, gradient=True), covariance)
+        spectrum = Spectrum.of_solid(self.band, seen, gradient=True)
+        return FrameHypothesis(frame, spectrum, covariance, part=self.view.name)
 
     def _bulging(self, rule: FrameRule, first: FrameHypothesis) -> Iterator[FrameHypothesis]:
         """What a mesh that has lost vertices looked like: its surface may bulge between those that are left."""
@@ -189,7 +190,7 @@ class _Sight:
         spectrum = Spectrum.of_solid(self.band, rule.near(solid, first.frame).solid(solid))
         bulge = Spectrum(self.band, spectrum.values - first.spectrum.values)
         for share in _BULGES:
-            yield replace(first, bulge=bulge, bulging=share, view=f"{first.view}, bulging by {share:g}")
+            yield replace(first, bulge=bulge, bulging=share, view=f"bulging by {share:g}")
 
     def _unsmoothed(
         self, solid: Solid, rule: FrameRule, first: FrameHypothesis, ambiguities: list[Floats]
