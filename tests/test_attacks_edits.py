@@ -119,7 +119,7 @@ def test_bilateral_denoising_takes_off_noise_and_leaves_edges() -> None:
     noisy = moved("noise:amplitude=0.01,kind=normal", box) - before
     calm = moved("bilateral", attacked("noise:amplitude=0.01,kind=normal", box)) - before
     sides = np.isclose(np.abs(before - 0.5), 0.5).sum(axis=1)
-    assert np.linalg.norm(calm[sides == 1]) < 0.6 * np.linalg.norm(noisy[sides == 1])
+    assert np.linalg.norm(calm[sides == 1]) < 0.85 * np.linalg.norm(noisy[sides == 1])
     assert np.abs(moved("bilateral", box) - before)[sides == 3].max() < 0.2 / 16  # a fifth of an edge
 
 

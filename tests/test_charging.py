@@ -86,6 +86,7 @@ def test_no_method_keeps_more_readings_than_it_counts(name: str, key: Key) -> No
     read = METHODS.make(QUICK.get(name, name)).extract(egg, 16, key)
     assert read.hypotheses > 1000
     if read.readings is not None:
-        assert len(read.readings) == read.hypotheses
+        assert sum(len(readings) / charge for readings, charge in read.charged) <= 1.0
+        assert read.hypotheses in {charge for _, charge in read.charged}
         assert np.abs(read.readings - read.soft).max(axis=1).min() < 1e-6
-        assert len(np.unique(read.readings, axis=0)) > 0.9 * read.hypotheses
+        assert len(np.unique(read.readings, axis=0)) > 0.9 * len(read.readings)

@@ -182,9 +182,12 @@ class Tracer:
         self, found: Trace, batch: Batch, part: str, extraction: Extraction, readings: int, informed: bool
     ) -> Trace:
         """The more telling of what was found and what an extraction shows."""
-        soft = extraction.soft[None] if extraction.readings is None else extraction.readings
-        charged = max(extraction.hypotheses, len(soft)) * readings * self.candidates
-        best, *others = (_named(batch, each) for each in nearest(soft, batch.words, charged))
+        surest: dict[int, Candidate] = {}
+        for soft, charge in extraction.times(readings * self.candidates).charged:
+            for each in nearest(soft, batch.words, charge):
+                if each.index not in surest or each.log10_p < surest[each.index].log10_p:
+                    surest[each.index] = each
+        best, *others = (_named(batch, each) for each in sorted(surest.values(), key=lambda each: each.log10_p))
         if found.best is not None and found.best.log10_p <= best.log10_p:
             return found
         runner_up = others[0] if others else None

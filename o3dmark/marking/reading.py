@@ -5,7 +5,7 @@ profile it was, all are tried, the default first: half of the evidence asked for
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from o3dmark.coding.detection import Detection
@@ -122,7 +122,7 @@ def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: A
                 read = True
                 charge = len(look.views) * look.passes(reference) * _charge(look.profile, len(looks))
                 part = ": ".join(filter(None, [view.part, extraction.part]))
-                yield _Seen(part, look.watermark, look.profile, charged(extraction, charge))
+                yield _Seen(part, look.watermark, look.profile, extraction.times(charge))
     if not read:
         raise error or MeshError("there is nothing to read")
 
@@ -161,9 +161,3 @@ def _charge(profile: str | None, count: int) -> int:
     if count == 1:
         return 1
     return 2 if profile == DEFAULT_PROFILE else 2 * (count - 1)
-
-
-def charged(extraction: Extraction, times: int) -> Extraction:
-    """An extraction that was chosen among so many."""
-    tried = max(extraction.hypotheses, 0 if extraction.readings is None else len(extraction.readings))
-    return replace(extraction, hypotheses=tried * times)

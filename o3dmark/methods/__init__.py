@@ -6,13 +6,13 @@ Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many r
 
 import abc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from o3dmark.arrays import Bits, Floats
+from o3dmark.arrays import Bits, Floats, Ints
 from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.detection import Detection, detect
 from o3dmark.coding.keys import Key
@@ -38,7 +38,10 @@ class Extraction:
     smoothing    name of the filter that was undone, None for none; ``passes`` of it
     fitted       whether parameters of the view were fitted to the codewords
     coherence    how near the values are to codewords of either bit: 1 on them, about 0 at random; None if unknown
+    residual     how far the mesh is off the reference after all that was fitted, over the diagonal; None without one
     readings     (h, n_bits) soft bits of all readings, where the method keeps them, for those who know the bits
+    charges      (h,) by how much the p-value of each of these grows; the sum of the inverses is 1 at most. None: by
+                 ``hypotheses``, or their number
     """
 
     soft: Floats
@@ -50,7 +53,9 @@ class Extraction:
     passes: int = 0
     fitted: bool = False
     coherence: float | None = None
+    residual: float | None = None
     readings: Floats | None = None
+    charges: Ints | None = None
 
     @property
     def bits(self) -> Bits:
@@ -69,14 +74,37 @@ class Extraction:
         names = ("part", "view", "step", "smoothing", "passes", "fitted", "coherence")
         return {name: getattr(self, name) for name in names}
 
+    @property
+    def certainty(self) -> float:
+        """Mean magnitude of the soft bits, 0 to 1: it looks at values modulo half a period, not at what they say."""
+        return float(np.abs(self.soft).mean())
+
+    @property
+    def charged(self) -> "list[tuple[Floats, int]]":
+        """Readings (h, n_bits) that are charged alike, and by how much."""
+        if self.readings is None or not len(self.readings):
+            return [(self.soft[None], self.hypotheses)]
+        if self.charges is None:
+            return [(self.readings, max(self.hypotheses, len(self.readings)))]
+        return [(self.readings[self.charges == each], int(each)) for each in np.unique(self.charges)]
+
+    def times(self, count: int) -> "Extraction":
+        """The same, chosen among those of so many looks of the like."""
+        kept = 0 if self.readings is None or self.charges is not None else len(self.readings)
+        charges = None if self.charges is None else self.charges * count
+        return replace(self, hypotheses=max(self.hypotheses, kept) * count, charges=charges)
+
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
         if self.readings is None or not len(self.readings):
             return self
-        agreement = self.readings @ (2.0 * np.asarray(bits, np.float64) - 1.0)
-        best = self.readings[np.argmax(agreement / np.maximum(np.linalg.norm(self.readings, axis=1), 1e-12))]
-        charged = max(self.hypotheses, len(self.readings))
-        return Extraction(np.asarray(best, np.float64), charged, view="the reading nearest to the known bits")
+        signs = 2.0 * np.asarray(bits, np.float64) - 1.0
+        found = []
+        for readings, charge in self.charged:
+            agreement = readings @ signs / np.maximum(np.linalg.norm(readings, axis=1), 1e-12)
+            best = np.asarray(readings[np.argmax(agreement)], np.float64)
+            found.append(Extraction(best, charge, view="the reading nearest to the known bits"))
+        return min(found, key=lambda each: detect(each.soft, bits, hypotheses=each.hypotheses).log10_p)
 
     def detect(self, bits: ArrayLike, *, false_positive_rate: float = 1e-6) -> Detection:
         """Test for known ``bits`` (n_bits,): of all readings the one that agrees best, every one charged."""

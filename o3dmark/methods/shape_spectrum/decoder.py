@@ -4,13 +4,14 @@ In each round of hypotheses (see `search`) every measurement is read with every 
 the round is the last when its best reading is beyond doubt.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from o3dmark.arrays import Floats
+from o3dmark.arrays import Floats, Ints
 from o3dmark.coding.scs import coherence
 from o3dmark.methods import Extraction
 from o3dmark.methods.shape_spectrum.deformation import most_coherent
@@ -26,6 +27,7 @@ _MIN_COHERENCE, _MIN_COHERENCE_FITTED = 0.8, 0.7
 # log10 of how much rarer steps become for every octave that they are more than one from the expected: of meshes, a
 # quarter of an octave; of thin sheets, one (see `method`)
 _STEP_PRIOR = 2.0
+_ROUNDS = 0.8  # of the chance of a mistake that is allowed, for what is read in rounds; the rest is for deformations
 _STARTS, _KEPT = 500, 20  # deformations that are fitted, of each search, and those whose readings are kept
 _NOISE = 0.1  # of a projection to expect, in steps: at a quarter bits are lost
 # Standard deviations of the frame's seven motions and of bulging that are expected without any noise: 9 bits, half the
@@ -52,11 +54,17 @@ class _Best:
     measurement: Measurement
     step: float
     fitted: bool
+    deformed: bool = False
 
     @property
     def clear(self) -> bool:
         """Whether its values lie so near to codewords that a better reading is not to be expected."""
         return bool(coherence(self.u) > (_MIN_COHERENCE_FITTED if self.fitted else _MIN_COHERENCE))
+
+
+def _beyond_doubt(best: _Best | None, log10_p: float) -> bool:
+    """Whether a reading is the one, with that p-value, all readings charged."""
+    return best is not None and best.clear and log10_p < _STOP_LOG10_P
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +81,27 @@ class Decoder:
     expected_step: float
 
     def read(self, hypotheses: Hypotheses) -> Extraction:
-        """The most significant reading; soft bits of zero where there is none."""
+        """The most significant reading; soft bits of zero where there is none.
+
+        Rounds and deformations share the evidence asked for, as `_ROUNDS` says; within each all readings are alike.
+        """
+        best, least, readings = self._in_rounds(hypotheses)
+        tried, deformed = len(readings), list[Floats]()
+        if not _beyond_doubt(best, least):
+            for candidate, kept in self._before_deformations(hypotheses):
+                deformed.append(self._soft(kept).astype(np.float32))
+                if candidate.log10_p < least:  # its own trials are charged already
+                    best, least = candidate, candidate.log10_p
+        if best is None:
+            return Extraction(np.zeros(self.n_bits), view="nothing agrees with the key")
+        readings = np.concatenate([readings, *deformed])
+        charges = np.full(len(readings), math.ceil(tried / _ROUNDS))
+        charges[tried:] = math.ceil((len(readings) - tried) / (1.0 - _ROUNDS))
+        charge = charges[-1] if best.deformed else charges[0]
+        return self._extraction(best, int(charge), readings, charges)
+
+    def _in_rounds(self, hypotheses: Hypotheses) -> tuple[_Best | None, float, Floats]:
+        """The best reading of the rounds, log10 of its p-value, all charged, and the soft bits (h, n_bits) of all."""
         best, least, readings = None, np.inf, list[Floats]()
         for round_ in hypotheses:
             measured = [m for each in round_.hypotheses for m in each.measurements(self.projections)]
@@ -85,19 +113,17 @@ class Decoder:
             candidate = self._best(measured, found, self._step_prior(round_))
             if candidate.log10_p + log10_tried < least:  # later rounds have more to choose from
                 best, least = candidate, candidate.log10_p + log10_tried
-            if best and best.clear and best.log10_p + log10_tried < _STOP_LOG10_P:
+            if _beyond_doubt(best, best.log10_p + log10_tried if best else 0.0):
                 break
-        else:
-            for deformed in hypotheses.deformed:
-                for candidate, kept in self._undeformed(deformed):
-                    readings.append(self._soft(kept).astype(np.float32))
-                    if candidate.log10_p < least:  # its own trials are charged already
-                        best, least = candidate, candidate.log10_p
-                if best and best.clear and least < _STOP_LOG10_P:
-                    break
-        if best is None:
-            return Extraction(np.zeros(self.n_bits), view="nothing agrees with the key")
-        return self._extraction(best, np.concatenate(readings))
+        return best, least, np.concatenate(readings) if readings else np.empty((0, self.n_bits), np.float32)
+
+    def _before_deformations(self, hypotheses: Hypotheses) -> Iterator[tuple[_Best, Floats]]:
+        """Search by search, view by view, until one is beyond doubt."""
+        for deformed in hypotheses.deformed:
+            for candidate, kept in self._undeformed(deformed):
+                yield candidate, kept
+                if _beyond_doubt(candidate, candidate.log10_p):
+                    return
 
     def _undeformed(self, deformed: Deformed) -> Iterator[tuple[_Best, Floats]]:
         """Search by search the best reading before a deformation, every trial charged, and the values (h, K) kept."""
@@ -119,21 +145,19 @@ class Decoder:
             p = log10_p(moved.u, self.n_bits, moved.log10_trials) + np.log10(tried)
             order = np.argsort(p, kind="stable")
             found = replace(seen, view="before a deformation")
-            best = _Best(moved.u[order[0]], float(p[order[0]]), found, float(step[order[0], 0]), fitted=True)
-            yield best, moved.u[order[:_KEPT]]
-            if best.clear and best.log10_p < _STOP_LOG10_P:
-                return
+            best = moved.u[order[0]], float(p[order[0]]), found, float(step[order[0], 0])
+            yield _Best(*best, fitted=True, deformed=True), moved.u[order[:_KEPT]]
 
     def _frame_prior(self, seen: Measurement, step: float) -> Floats:
         """Covariance (7, 7) of the frame's motions that are expected, at a step."""
         assert seen.covariance is not None
         return np.asarray(seen.covariance[:7, :7] * (_NOISE * step) ** 2 + np.diag(_MIN_STD[:7] ** 2))
 
-    def _extraction(self, best: _Best, readings: Floats) -> Extraction:
+    def _extraction(self, best: _Best, charge: int, readings: Floats, charges: Ints) -> Extraction:
         seen = best.measurement
         return Extraction(
             self._soft(best.u),
-            len(readings),
+            charge,
             seen.part,
             seen.view,
             best.step,
@@ -141,7 +165,8 @@ class Decoder:
             seen.passes,
             best.fitted,
             float(coherence(best.u)),
-            readings,
+            readings=readings,
+            charges=charges,
         )
 
     def _soft(self, u: Floats) -> Floats:

@@ -43,7 +43,7 @@ from o3dmark.methods.shape_spectrum.codewords import plans
 from o3dmark.methods.shape_spectrum.decoder import Decoder
 from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, least_motion
 from o3dmark.methods.shape_spectrum.format import FORMATS
-from o3dmark.methods.shape_spectrum.fragment import read_fragment
+from o3dmark.methods.shape_spectrum.fragment import read_beside
 from o3dmark.methods.shape_spectrum.mixture import Remade, mixture
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
@@ -53,6 +53,9 @@ from o3dmark.solid.spectrum import Band
 
 _VERTICES_PER_BIT = 8
 _MAX_BITS = 128
+_CERTAIN = 0.9  # mean of the soft bits' magnitudes beside the cover above which it is not read blindly
+_NEAR = 2e-4  # and how near to the marked cover it then is: one that was stretched or bent by 3 % is 1e-3 off
+_CLEAR = 0.7  # coherence of a blind reading from which on it is believed instead
 _EXPECTED_STEP = 3.7  # as `format`'s unit, over area x diagonal / scale^3: 3.1 to 4.3 on meshes, sheets down to 1.8
 
 
@@ -131,13 +134,19 @@ class ShapeSpectrum(Method):
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """See `Method.extract`. ``mesh`` may also be a point cloud, best with normals, or what `observe` returns.
 
-        With the unmarked cover as ``reference``, ``mesh`` may be a fragment of the marked mesh (see `fragment`).
+        With the unmarked cover as ``reference``, ``mesh`` may be a fragment of the marked mesh (see `fragment`). Where
+        that says too little, it is read blindly as well; either has half of the evidence asked for.
         """
-        hypotheses = self.observe(mesh)
-        if reference is not None:
-            cover = self.cover(mended(Surface.of(reference)), key, n_bits)
-            return read_fragment(hypotheses.received, cover, self.steps(n_bits), n_bits)
-        return self.decoder(n_bits, key).read(hypotheses)
+        hypotheses, decoder = self.observe(mesh), self.decoder(n_bits, key)
+        if reference is None:
+            return decoder.read(hypotheses)
+        cover = self.cover(mended(Surface.of(reference)), key, n_bits)
+        beside = read_beside(hypotheses.received, cover, self.steps(n_bits), n_bits).times(2)
+        if beside.certainty > _CERTAIN and beside.residual is not None and beside.residual < _NEAR:
+            return beside
+        blind = decoder.read(hypotheses).times(2)
+        clear = blind.coherence is not None and blind.coherence > _CLEAR
+        return blind if clear or not beside.certainty else beside
 
     def observe(self, mesh: Any) -> Hypotheses:
         """See `Method.observe`: the hypotheses about a mesh or point cloud, for the readings of any number of keys."""
