@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from o3dmark.coding.keys import Key
-from o3dmark.errors import CapacityError, ConversionError, MeshError, SpecError
+from o3dmark.errors import ConversionError, MeshError, O3dmarkError, SpecError
 from o3dmark.files import Asset
 from o3dmark.marking.embedding import Marked, embed
 from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
@@ -23,25 +23,26 @@ def embed_by_any(
 ) -> Chosen:
     """As `embed`, which has the same arguments, under the default profile or the first of the others that works.
 
-    What comes back was read from what will be written. Errors: MeshError when none works, with what each said;
-    SpecError for a message that no profile can hold; ConversionError, whatever the profile.
+    What comes back was read from what will be written. Errors: when none works, that of the default, with what each
+    said; ConversionError, whatever the profile.
     """
     refused: dict[str, str] = {}
-    first: SpecError | None = None
+    first: O3dmarkError | None = None
     for profile in sorted(PROFILES, key=lambda each: each != DEFAULT_PROFILE):
         try:
             marked = embed(asset, PROFILES[profile], message, key, name=name, names=names)
         except ConversionError:
             raise
-        except SpecError as error:
+        except (SpecError, MeshError) as error:
             first = first or error
-            refused[profile] = str(error)
-        except (MeshError, CapacityError) as error:
             refused[profile] = str(error)
         else:
             if marked.verified:
                 return Chosen(marked, profile, refused)
             refused[profile] = "; ".join(dict.fromkeys(each.why for each in marked.left))
-    if first is not None and len(set(refused.values())) == 1:
-        raise first
-    raise MeshError("no profile does: " + "; ".join(f"{name}: {why}" for name, why in refused.items()))
+    told = "; ".join(f"{name}: {why}" for name, why in refused.items())
+    if first is None:
+        raise MeshError(f"no profile does: {told}")
+    if len(set(refused.values())) > 1:
+        first.args = (f"no profile does: {told}",)
+    raise first
