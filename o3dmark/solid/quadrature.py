@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from o3dmark.arrays import Floats, Ints
+from o3dmark.errors import MeshError
 from o3dmark.solid.solid import Solid
 
+_MOST_PARTS = 2_000_000  # by which triangles may be cut: a square of 500 of the shortest waves' 0.35
+_NOTHING = 1e-13  # of the area: a triangle so small counts as one point, however long it is
 _CORNERS = np.full((3, 3), 1 / 6) + np.eye(3) / 2  # the three-point rule, exact for quadratics
 
 
@@ -53,9 +56,10 @@ def rule(solid: Solid, longest: float, shortest: float = 0.0) -> Rule:
     """Where to take points of a solid's surface, for functions that vary over lengths well above ``longest``.
 
     Triangles with an edge above ``longest`` are split; each part then has three points, or one, its centroid, when all
-    edges are below ``shortest``.
+    edges are below ``shortest`` or it has no area. Errors: MeshError where that makes too many, as of triangles far
+    longer than all else.
     """
-    fine = _longest_edge(solid.vertices, solid.triangles) < shortest
+    fine = (_longest_edge(solid.vertices, solid.triangles) < shortest) | (solid.areas < _NOTHING * solid.area)
     whole, rest = np.flatnonzero(fine), np.flatnonzero(~fine)
     owner, corners = _split(solid.vertices, solid.triangles[rest], longest)  # (p,), (p, 3 corners, 3 coordinates)
     part = np.abs(np.linalg.det(corners))  # of the triangle's area: barycentric coordinates map it to a unit one
@@ -79,12 +83,18 @@ def _split(vertices: Floats, triangles: Ints, longest: float) -> tuple[Ints, Flo
     owner = np.arange(len(triangles))
     corners = np.broadcast_to(np.eye(3), (len(triangles), 3, 3))
     done: list[tuple[Ints, Floats]] = []
+    parts = len(triangles)
     while len(owner) or not done:
         position = corners @ vertices[triangles[owner]]
         length = np.linalg.norm(position - np.roll(position, -1, axis=1), axis=2)
         long = length.max(axis=1) > longest
         done.append((owner[~long], corners[~long]))
         owner, corners, edge = owner[long], corners[long], length[long].argmax(axis=1)
+        parts += len(owner)
+        if parts > len(triangles) + _MOST_PARTS:
+            raise MeshError(
+                "the mesh has triangles so much longer than the solid is large that they cannot be measured"
+            )
         turned = np.take_along_axis(corners, ((edge[:, None] + np.arange(3)) % 3)[:, :, None], axis=1)
         a, b, c = turned[:, 0], turned[:, 1], turned[:, 2]  # the longest edge is a b
         m = 0.5 * (a + b)

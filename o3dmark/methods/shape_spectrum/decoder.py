@@ -135,6 +135,8 @@ class Decoder:
         assert seen.jacobian is not None
         values, tried = deformed.surrogate.measured(self.projections), 0
         for starts, prior in values.searches(float(np.median(steps))):
+            if not len(starts):
+                continue
             tried += len(starts) * len(steps)
             d, place = most_coherent(values, starts, steps, self.projections.dither, self.n_bits, _STARTS)
             step = steps[place][:, None]

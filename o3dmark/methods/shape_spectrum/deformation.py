@@ -33,7 +33,9 @@ _OFF_CENTRE = 0.25  # how far from the centroid their axes pass, over the radius
 _STRAIN_STEP, _BEND_STEP = 0.02, 0.002  # deformations that the surrogate goes through
 _COVERED = 0.09  # how far, in RMS periods, a strain may be from the nearest one tried
 _D5_RADIUS = 0.75  # covering radius of the lattice D5*, the integers and the integers plus a half
-_MOST = 200_000  # strains of a range; where the metric wants more, the largest are left out
+_MOST = 200_000  # strains of a range; where the metric wants more, the largest are left out,
+_TOO_MANY = 5_000_000  # and where so many more, all: values that answer so sharply are not those of a mark
+_WORST = 1e10  # condition of the metric of strains
 _CHUNK = 4096
 
 
@@ -88,9 +90,12 @@ class Values:
         return np.concatenate([strains, bends], axis=2)
 
     def searches(self, step: float) -> "list[Search]":
-        """What to try, the likeliest first: ever larger strains, then bends and twists."""
+        """What to try, the likeliest first: ever larger strains, then bends and twists; nothing for a solid without any
+        answer to strains."""
         J = self.coefficients[1:6].T / step
         G = J.T @ J / len(J)  # a strain e changes the values by a mean square of e' G e, in periods
+        if not np.isfinite(G).all() or np.linalg.cond(G) > _WORST:
+            return []
         free: Floats = np.asarray(np.linalg.inv(G) * _COVERED**2)
         ranges = zip((0.0, *_STRAINS), _STRAINS, strict=False)
         found = [Search(np.pad(_strains(G, *each), ((0, 0), (0, 18))), free) for each in ranges]
@@ -174,6 +179,8 @@ def _lattice(root: Floats, shift: float, radius: float) -> Floats:
     points = np.zeros((1, 0))
     for k in range(4, -1, -1):
         z = np.arange(np.ceil(-reach[k] - shift), np.floor(reach[k] - shift) + 1.0) + shift
+        if len(z) * len(points) > _TOO_MANY:
+            return np.empty((0, 5))
         points = np.concatenate([np.repeat(z, len(points))[:, None], np.tile(points, (len(z), 1))], axis=1)
         points = points[np.linalg.norm(points @ inverse[k:, k:].T, axis=1) <= radius]
     return np.asarray(points @ inverse.T)

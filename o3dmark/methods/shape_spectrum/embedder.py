@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Floats
+from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
@@ -104,8 +105,11 @@ class Cover:
 
     @cached_property
     def lattice(self) -> Lattice:
-        """The integer changes with the metric for their form."""
-        return Lattice(self.metric)
+        """The integer changes with the metric for their form. Errors: MeshError where a change costs nothing at all."""
+        try:
+            return Lattice(self.metric)
+        except np.linalg.LinAlgError:
+            raise MeshError("the solid hides too little for a mark: parts of it are out of all proportion") from None
 
     def moved(self, change: Floats) -> Floats:
         """Vertices (n, 3) after the motion for a ``change`` (K,) of the projections, to first order."""
