@@ -15,6 +15,7 @@ from o3dmark.report.markdown import inline
 
 Lines = tuple[list[str], list[list[str]]]  # a head, and the lines under it
 CROPPING = "cropping"
+KNOWN = -6.0  # log10 of the p-value at which a known message is found
 RATES = (0.1, 0.01, 0.001)
 P_VALUES = {
     "message known": "log10_p_best",
@@ -65,6 +66,19 @@ def any_mesh(result: Results) -> Lines:
         name = group if group == UNTOUCHED else condition
         lines.append([inline(name), f"{sum(row.bit_errors == 0 for row in read)} of {len(read)}", others])
     return ["", "every bit read", "not"], lines
+
+
+def edits(result: Results) -> Lines:
+    """How many messages are read after each edit, and how many marks are found by who knows them; where one is not."""
+    lines = []
+    for group, condition in [(UNTOUCHED, "-"), *result.conditions]:
+        read = [row for who in result.entries for row in result.of(who, group, condition) if row.failure is None]
+        known = sum(row.log10_p_best is not None and row.log10_p_best <= KNOWN for row in read)
+        missed = Counter(inline(row.mesh) for row in read if not row.message_ok)
+        others = ", ".join(f"{mesh} {count}" for mesh, count in missed.items())
+        name = group if group == UNTOUCHED else condition
+        lines.append([inline(name), _share(read, "message_ok"), f"{known} of {len(read)}", others])
+    return ["edit", "message read", "mark found", "not read on"], lines
 
 
 def attack_sweep(directory: Path) -> Lines:

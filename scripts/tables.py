@@ -340,6 +340,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "messages": (lambda: grid(*counts.messages(results("paper"))), ("paper",)),
     "wrong keys": (lambda: grid(*counts.wrong_keys([*map(results, CONTROL_FOLDERS)]), left=4), CONTROL_FOLDERS),
     "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
+    "edits": (lambda: grid(*counts.edits(results("edits")), left=4), ("edits",)),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),
     **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},
 }

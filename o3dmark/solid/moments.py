@@ -24,6 +24,7 @@ Measure: TypeAlias = Literal["volume", "area"]
 # Part of the format: triangles from which on complex moments take one point in each. At 30 000 (botijo) that turns the
 # frame by 2e-5 radians, a twentieth of what the reader allows for.
 _MANY = 40_000
+_LEAST_SPREAD = 1e-30  # of a solid whose trace of the second moment over the mass is one
 _STEP = 1e-4  # of central differences, in units of the frame: an error of 1e-8
 
 
@@ -108,7 +109,8 @@ def third_moments(seen: Solid, measure: Measure) -> Floats:
     p2, p3 = a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
     cube = size @ (p1 * p1 * p1 + 3.0 * p1 * p2 + 2.0 * p3) / 6.0 / (20.0 if measure == "volume" else 10.0)
     mass, _, second = moments(seen, measure)
-    return np.asarray(cube / mass / (np.diag(second) / mass) ** 1.5)
+    spread = np.maximum(np.diag(second) / mass, _LEAST_SPREAD)  # far triangles may leave less than nothing, by rounding
+    return np.asarray(cube / mass / spread**1.5)
 
 
 def response(seen: Solid, normals: Floats, measure: Measure, function: Callable[[Floats], AnyArray]) -> AnyArray:

@@ -100,17 +100,20 @@ class Hypotheses:
         for view in views(self.received):
             try:
                 sight = _Sight(view, self.band, self._form)
-            except MeshError:
+                yield sight.at_once()
+                if not self.search:
+                    return
+                yield sight.fitted()
+            except MeshError:  # no frame, or out of all proportion
                 continue
-            yield from sight.at_once()
-            if not self.search:
-                return
-            yield sight.fitted()
             if view.thorough:
                 looked_at.append(sight)
         self._thorough = looked_at
         for sight in looked_at:
-            yield from sight.searched()
+            try:
+                yield from sight.searched()
+            except MeshError:
+                continue
 
     @property
     def deformed(self) -> Iterator["Deformed"]:
@@ -136,11 +139,11 @@ class _Sight:
         self.frames = self.rule.frames(self.solid)
         self._ratio = self.received.area * self.received.diagonal / self.frames[0].scale ** 3
 
-    def at_once(self) -> Iterator[Round]:
+    def at_once(self) -> Round:
         """The values as they are."""
         frame = self.frames[0]
         spectrum = Spectrum.of_solid(self.band, frame.solid(self.solid))
-        yield self._round([FrameHypothesis(frame, spectrum, part=self.view.name)], fit=False)
+        return self._round([FrameHypothesis(frame, spectrum, part=self.view.name)], fit=False)
 
     def fitted(self) -> Round:
         """With the frame fitted."""

@@ -1,0 +1,61 @@
+"""Meshes made to be expensive: each is read or refused, within memory and time that do not grow with its absurdity."""
+
+import numpy as np
+import pytest
+
+from o3dmark.coding.keys import Key
+from o3dmark.errors import MeshError
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.profiles import PROFILES
+from o3dmark.solid.quadrature import _MOST_PARTS, rule
+from o3dmark.solid.solid import Solid
+
+MARK = PROFILES["robust-2026"]
+
+
+def with_triangle(arrays: tuple[np.ndarray, np.ndarray], *corners: tuple[float, float, float]):
+    """A mesh and one more triangle, its corners in diagonals of the mesh."""
+    vertices, triangles = arrays
+    diagonal = np.linalg.norm(np.ptp(vertices, axis=0))
+    n = len(vertices)
+    more = np.vstack([vertices, diagonal * np.array(corners)])
+    return triangle_mesh(more, np.vstack([triangles, [[n, n + 1, n + 2]]]))
+
+
+CRAFTED = {
+    "collinear": ((0.0, 0.0, 0.0), (1e5, 0.0, 0.0), (5e4, 0.0, 0.0)),
+    "needle": ((0.0, 0.0, 0.0), (1e5, 0.0, 0.0), (5e4, 1e-4, 0.0)),
+    "huge": ((0.0, 0.0, 0.0), (1e3, 0.0, 0.0), (5e2, 1e3, 0.0)),
+}
+
+
+@pytest.mark.parametrize("kind", CRAFTED)
+def test_one_absurd_triangle_is_read_or_refused(kind: str, spot: TriangleMesh, key: Key) -> None:
+    mesh = with_triangle(mesh_arrays(spot), *CRAFTED[kind])
+    assert not MARK.extract(mesh, key).found
+    with pytest.raises(MeshError, match=r"proportion|slender|longer than"):
+        MARK.embed(mesh, "m", key)
+
+
+def test_a_marked_mesh_with_a_collinear_triangle_is_still_read(spot: TriangleMesh, key: Key) -> None:
+    vertices, triangles = mesh_arrays(spot)
+    marked = MARK.embed(triangle_mesh(vertices, triangles), "mine", key)
+    mesh = with_triangle((np.asarray(marked.vertices), triangles), *CRAFTED["collinear"])
+    assert MARK.extract(mesh, key).message == "mine"
+
+
+def test_triangles_are_not_cut_without_end() -> None:
+    corner = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    solid = Solid.of(Surface.from_arrays(corner, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])))
+    assert len(rule(solid, 0.01).triangle) < 10 * _MOST_PARTS
+    with pytest.raises(MeshError, match="longer than the solid"):
+        rule(solid, 1e-5)
+
+
+def test_a_cluster_of_vertices_is_read_or_refused(key: Key) -> None:
+    rng = np.random.default_rng(0)
+    vertices = np.concatenate([np.eye(3), 1e-9 * rng.standard_normal((300, 3))])
+    mesh = triangle_mesh(vertices, rng.integers(0, len(vertices), (600, 3)))
+    with pytest.raises(MeshError):
+        MARK.embed(mesh, "m", key)
+    assert not MARK.extract(mesh, key).found
