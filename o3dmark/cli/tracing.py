@@ -167,7 +167,7 @@ def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     yield "copies", [named.copy.name for named in found.named]
     yield "p_value", found.best.p_value if found.best else 1.0
     yield "log10_p", found.best.log10_p if found.best else 0.0
-    yield "matches", found.best.matches if found.best else 0
+    yield "matches", found.best.matches if found.best and found.best.agreement else None
     yield "n_bits", found.best.copy.n_bits if found.best else None
     yield "runner_up", _named(found.runner_up)
     yield "candidates", found.candidates

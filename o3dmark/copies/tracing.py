@@ -11,6 +11,8 @@ from functools import cached_property
 from itertools import groupby
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from o3dmark.arrays import Bits
 from o3dmark.coding.identities import Candidate, codewords, nearest
 from o3dmark.coding.keys import Key
@@ -167,7 +169,7 @@ class Tracer:
                 mixture = method.mixture(looked_at[0].shape, batch.remade[id(cover)], self.progress)
             except MeshError:
                 continue
-            log10_p = mixture.log10_p(len(batch.copies)) + math.log10(_PASSES * len(tried))
+            log10_p = np.minimum(mixture.log10_p(len(batch.copies)) + math.log10(_PASSES * len(tried)), 0.0)
             named = [Named(copy, float(p), "") for copy, p in zip(batch.copies, log10_p, strict=True)]
             sure = [each for each in named if each.log10_p <= math.log10(self.false_positive_rate)]
             if sure:
