@@ -145,4 +145,7 @@ def test_a_deformed_mesh_is_read(edit: str, marked: TriangleMesh, key: Key) -> N
     assert reading.message == "mine"
     assert MARK.test(reading.extraction, key, "mine").present
     assert "deformation" in reading.extraction.note or reading.extraction.fitted
-    assert not MARK.extract(mesh, Key(bytes(32))).found
+
+
+def test_a_wrong_key_reads_nothing_in_a_deformed_mesh(marked: TriangleMesh) -> None:
+    assert not MARK.extract(attack_all(marked, ["strain:amount=0.02"], 2), Key(bytes(32))).found

@@ -146,7 +146,6 @@ EDITS = {
     "speck:distance=1000": "outermost and large",
     "dust": "outermost and large",
     "scene": None,
-    "plate": None,
     "plate:copies=1,base=true": None,
 }
 
@@ -157,7 +156,12 @@ def test_what_leaves_the_visible_surface_alone_leaves_the_mark(edit: str, marked
     assert reading.message == "mine"
     if (part := EDITS[edit]) is not None and not edit.startswith("soup:jitter=1e-4"):
         assert reading.extraction.part == part
-    assert MARK.extract(attack_all(marked, [edit], 3), Key(bytes(32))).message is None
+
+
+def test_a_wrong_key_reads_nothing_in_any_view(marked: TriangleMesh) -> None:
+    reading = MARK.extract(attack_all(marked, ["plate:copies=2,base=true"], 3), Key(bytes(32)))
+    assert reading.message is None
+    assert reading.p_value > 1e-2
 
 
 @pytest.mark.parametrize("torn", ["soup:jitter=1e-7", "crack:gap=1e-6"])

@@ -1,6 +1,7 @@
 """shape-spectrum: what the reader meets is what was embedded, whatever the mesh went through."""
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -149,10 +150,11 @@ def test_a_wrong_key_and_an_unmarked_mesh_are_at_chance(spot: TriangleMesh, mark
 def test_more_tries_are_charged(marked: TriangleMesh, key: Key) -> None:
     plain = read(marked, key)
     fitted = read(attack_all(marked, ["smooth:iterations=10"]), key)
-    assert plain.hypotheses == len(METHOD.steps(32))
     assert plain.readings is not None
     assert fitted.readings is not None
-    assert (len(plain.readings), len(fitted.readings)) == (plain.hypotheses, fitted.hypotheses)
+    assert len(plain.readings) == len(METHOD.steps(32))
+    for reading in (plain, fitted):  # a fifth of the chance of a mistake is kept for deformations, not looked for here
+        assert reading.hypotheses == math.ceil(len(reading.readings) / 0.8)
     assert fitted.hypotheses > 10 * plain.hypotheses
 
 
