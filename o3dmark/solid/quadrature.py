@@ -40,7 +40,7 @@ class Rule:
     weights: Floats
 
     def samples(self, solid: Solid) -> Samples:
-        """The points on a solid's surface."""
+        """The points on the surface of the solid that the rule was made for, its vertices moved or not."""
         vertex = solid.triangles[self.triangle]
         points = sum(self.weights[:, [c]] * solid.vertices[vertex[:, c]] for c in range(3))
         area_vectors = self.share[:, None] * solid.area_vectors[self.triangle]

@@ -1,7 +1,8 @@
 """The blind reader of shape-spectrum: which step, which frame, which smoothing? It tries them, and counts.
 
 In each round of hypotheses (see `search`) every measurement is read with every step of the ladder, as it is and fitted;
-the round is the last when its best reading is beyond doubt.
+the round is the last when its best reading is beyond doubt. Where none is, the solid is read as it was before a small
+deformation (see `deformation`).
 """
 
 import math

@@ -12,9 +12,11 @@ What an attack does to the projections is, in the main, to disturb the frame, to
 vertices that are left, and to smooth it. The reader therefore tries, in this order and until a reading is beyond doubt:
 
     as received    the values as they are; then with the frame's seven parameters fitted
+    in part        the same of other views of the surface: welded, as wound, one piece, what is seen (see `received`)
     bulging        with one more parameter: how far the surface bulges out between its vertices
     mirrored       and every other way in which the axes may lie
     unsmoothed     the surface before 1, 2, 3 ... passes of umbrella, Taubin or HC smoothing, by their inverse
+    undeformed     the solid before it was stretched, sheared, bent or twisted a little (see `deformation`)
 
 A reading is judged by how near its values are to codewords of either bit, a statistic that has a p-value for every
 mesh (see `scs.coherence_log10p`). The judgement looks at the values modulo half a period only; given those, under a
