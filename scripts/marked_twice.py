@@ -1,0 +1,77 @@
+"""Is a mark still there after somebody else marked the mesh again? results/marked_twice/rows.csv, a row a key.
+
+    python scripts/marked_twice.py --meshes FOLDER [MESH...]     what is not there yet
+
+Each mesh is marked with a message under one key, and the result with another message under another key, with the same
+profile. A row says whether the first message is read, log10 of the p-value by which who knows it finds it, and the MSDM
+of the first mark. Interrupted, it can be run again.
+"""
+
+import argparse
+import csv
+import datetime
+from dataclasses import replace
+from pathlib import Path
+
+from o3dmark.coding.keys import Key
+from o3dmark.files import read_mesh
+from o3dmark.methods import METHODS
+from o3dmark.metrics import METRICS
+from o3dmark.profiles import PROFILES
+
+ROWS = Path(__file__).parent.parent / "results" / "marked_twice" / "rows.csv"
+MESHES = {name: f"paper/{name}.ply" for name in ("bimba", "ant", "cup", "bunny", "horse_48485", "venus_50002")}
+SHORTER = "shape-spectrum:lowest=8,highest=24,rungs=60,mrms=0.0004"
+MARKS = {
+    "robust-2026": PROFILES["robust-2026"],
+    "slender-2026": PROFILES["slender-2026"],
+    SHORTER: replace(PROFILES["robust-2026"], method=METHODS.make(SHORTER)),
+}
+SEEDS = (0, 1)
+FIELDS = ("mesh", "mark", "seed", "read", "log10_p", "msdm", "date")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("meshes", nargs="*", metavar="MESH", help=", ".join(MESHES))
+    parser.add_argument("--meshes", dest="folder", type=Path, required=True, help="the folder of real meshes")
+    options = parser.parse_args()
+    done = {(row["mesh"], row["mark"], row["seed"]) for row in rows()}
+    for name in options.meshes or MESHES:
+        for mark in MARKS:
+            for seed in SEEDS:
+                if (name, mark, str(seed)) not in done:
+                    append(measured(name, options.folder, mark, seed))
+
+
+def measured(name: str, folder: Path, mark: str, seed: int) -> tuple[object, ...]:
+    """The row of a mesh, a mark and a seed."""
+    cover, owner, other = read_mesh(folder / MESHES[name]), Key(bytes([seed] * 32)), Key(bytes([seed + 100] * 32))
+    marked = MARKS[mark].embed(cover, "mine", owner)
+    again = MARKS[mark].embed(marked, "evil", other)
+    read = MARKS[mark].extract(again, owner)
+    log10_p = MARKS[mark].test(read.extraction, owner, "mine").log10_p
+    msdm = float(METRICS.make("msdm")(cover, marked))
+    today = datetime.date.today().isoformat()
+    return name, mark, seed, int(read.message == "mine"), f"{log10_p:.2f}", f"{msdm:.3f}", today
+
+
+def rows() -> list[dict[str, str]]:
+    if not ROWS.exists():
+        return []
+    with ROWS.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def append(values: tuple[object, ...]) -> None:
+    new = not ROWS.exists()
+    ROWS.parent.mkdir(parents=True, exist_ok=True)
+    with ROWS.open("a", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        if new:
+            table.writerow(FIELDS)
+        table.writerow(values)
+
+
+if __name__ == "__main__":
+    main()
