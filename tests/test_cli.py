@@ -80,7 +80,8 @@ def test_detect_says_yes_and_no(folder: Path, capsys: Any) -> None:
 
 def test_a_wrong_key_is_a_no_without_a_message(folder: Path, tmp_path: Path, capsys: Any) -> None:
     run(capsys, "keygen", tmp_path / "other.key")
-    code, result, err = run(capsys, "extract", folder / "marked.ply", "--key", tmp_path / "other.key", "--json")
+    words = ("--key", tmp_path / "other.key", "--profile", "robust-2026", "--json")
+    code, result, err = run(capsys, "extract", folder / "marked.ply", *words)
     assert (code, result["found"], result["message"]) == (1, False, None)
     assert MESSAGE not in err
 
