@@ -239,7 +239,7 @@ def _extracted(
     """What a shape shows under a key; ``seen`` keeps what it shows whatever the key."""
     try:
         if method.sight not in seen:
-            seen[method.sight] = method.observe(shape)
+            seen[method.sight] = method.sight.observe(shape)
         return method.extract(seen[method.sight], batch.watermark.n_bits, batch.key, reference=cover)
     except MeshError as error:
         return error

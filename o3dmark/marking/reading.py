@@ -105,7 +105,8 @@ def _telling(detection: Detection) -> tuple[bool, bool, float]:
 def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: Any) -> Iterator[_Seen]:
     """What can be read, the likeliest first. Errors: MeshError when nothing can."""
     marks = {None: watermark} if watermark is not None else _profiles(reference)
-    looks = [_Look(name, mark, views(received, mark.method)) for name, mark in marks.items()]
+    known: dict[bool, list[View]] = {}
+    looks = [_Look(name, mark) for name, mark in marks.items()]
     observed: dict[tuple[int, Method], Any] = {}
     error: MeshError | None = None
     read = False
@@ -113,14 +114,18 @@ def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: A
         for look in looks:
             if quick and look.watermark.method.quick is look.watermark.method:
                 continue
-            for number, view in enumerate(look.views):
+            method = look.watermark.method
+            if method.finds_pieces not in known:  # pieces cost more than a first sight of the whole
+                known[method.finds_pieces] = views(received, method)
+            looked_at = known[method.finds_pieces]
+            for number, view in enumerate(looked_at):
                 try:
-                    extraction = look.extraction(number, key, reference, observed, quick=quick)
+                    extraction = look.extraction(number, view, key, reference, observed, quick=quick)
                 except MeshError as refusal:
                     error = error or refusal
                     continue
                 read = True
-                charge = len(look.views) * look.passes(reference) * _charge(look.profile, len(looks))
+                charge = len(looked_at) * look.passes(reference) * _charge(look.profile, len(looks))
                 part = ": ".join(filter(None, [view.part, extraction.part]))
                 yield _Seen(part, look.watermark, look.profile, extraction.times(charge))
     if not read:
@@ -129,20 +134,19 @@ def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: A
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """A watermark to look for, in these views of a file."""
+    """A watermark to look for."""
 
     profile: str | None
     watermark: Watermark
-    views: list[View]
 
     def extraction(
-        self, number: int, key: Key, reference: Any, observed: dict[tuple[int, Method], Any], *, quick: bool
+        self, number: int, view: View, key: Key, reference: Any, observed: dict[tuple[int, Method], Any], *, quick: bool
     ) -> Extraction:
         """What a view shows; ``observed`` keeps what it shows whatever the key and the profile."""
         method = self.watermark.method.quick if quick else self.watermark.method
         place = number, method.sight
         if place not in observed:
-            observed[place] = method.observe(self.views[number].shape)
+            observed[place] = method.sight.observe(view.shape)
         return method.extract(observed[place], self.watermark.n_bits, key, reference=reference)
 
     def passes(self, reference: Any) -> int:

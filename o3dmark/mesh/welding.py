@@ -3,6 +3,8 @@
 Only vertices on open edges are welded, so that a fine mesh does not collapse, however small its triangles are.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
@@ -47,10 +49,13 @@ def welded(surface: Surface, tolerance: float) -> Surface:
 
 def mended(surface: Surface) -> Surface:
     """The finest weld that closes half of the open edges; the surface as it is where none does."""
-    before = open_edges(surface)
-    if not before:
-        return surface
-    for each in ladder(surface):
+    return mended_by(surface, ladder(surface))
+
+
+def mended_by(surface: Surface, welds: Sequence[Surface]) -> Surface:
+    """As `mended`, of the welds that `ladder` gave."""
+    before = open_edges(surface) if welds else 0
+    for each in welds:
         if open_edges(each) <= _HELPS * before:
             return each
     return surface
@@ -59,6 +64,8 @@ def mended(surface: Surface) -> Surface:
 def ladder(surface: Surface) -> list[Surface]:
     """The surface welded within ever larger tolerances, those that make a difference."""
     found: list[Surface] = []
+    if not open_edges(surface):
+        return found
     low, high = np.quantile(surface.vertices, [_MOST, 1.0 - _MOST], axis=0)
     extent = float(np.linalg.norm(high - low)) or surface.diagonal
     for tolerance in TOLERANCES:

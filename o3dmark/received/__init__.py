@@ -12,6 +12,7 @@ A closed surface in one piece, all of it seen, has the first view alone, and cos
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.inside import pieces, seen, within
 from o3dmark.mesh.surface import Surface
-from o3dmark.mesh.welding import ladder, mended, open_edges
+from o3dmark.mesh.welding import ladder, mended_by, open_edges
 
 MOST = 24  # views
 _MOST_PIECES = 64  # of which it is asked whether they are within others: the largest
@@ -46,18 +47,16 @@ class View:
 
 def views(received: Surface) -> Iterator[View]:
     """What to look at, the likeliest first, at most `MOST`; each is worked out when it is asked for."""
-    for number, view in enumerate(_views(received)):
-        if number == MOST:
-            return
-        yield view
+    return islice(_views(received), MOST)
 
 
 def _views(received: Surface) -> Iterator[View]:
-    whole = mended(received)
+    welds = ladder(received)
+    whole = mended_by(received, welds)
     yield View("", whole, thorough=True)
     if open_edges(whole) or not _wound_alike(whole):
         yield View("as wound", replace(received, as_wound=True))
-    for number, surface in enumerate(ladder(received) if open_edges(whole) else [], start=1):
+    for number, surface in enumerate(welds if open_edges(whole) else [], start=1):
         if len(surface.vertices) != len(whole.vertices):
             yield View(f"welded {number}", surface)
     piece = pieces(whole)

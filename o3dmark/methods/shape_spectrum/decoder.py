@@ -73,13 +73,14 @@ class Decoder:
     """Reads ``n_bits`` bits with the key's projections and the steps (s,) that the options allow.
 
     ``expected_step`` is that of a surface whose `Round.area_diagonal_ratio` is one; steps far from it need better
-    evidence.
+    evidence. ``search``: whether more than the first round is looked at.
     """
 
     projections: Projections
     steps: Floats
     n_bits: int
     expected_step: float
+    search: bool = True
 
     def read(self, hypotheses: Hypotheses) -> Extraction:
         """The most significant reading; soft bits of zero where there is none.
@@ -88,7 +89,7 @@ class Decoder:
         """
         best, least, readings = self._in_rounds(hypotheses)
         tried, deformed = len(readings), list[Floats]()
-        if not _beyond_doubt(best, least):
+        if self.search and not _beyond_doubt(best, least):
             for candidate, kept in self._before_deformations(hypotheses):
                 deformed.append(self._soft(kept).astype(np.float32))
                 if candidate.log10_p < least:  # its own trials are charged already
@@ -114,7 +115,7 @@ class Decoder:
             candidate = self._best(measured, found, self._step_prior(round_))
             if candidate.log10_p + log10_tried < least:  # later rounds have more to choose from
                 best, least = candidate, candidate.log10_p + log10_tried
-            if _beyond_doubt(best, best.log10_p + log10_tried if best else 0.0):
+            if not self.search or _beyond_doubt(best, best.log10_p + log10_tried if best else 0.0):
                 break
         return best, least, np.concatenate(readings) if readings else np.empty((0, self.n_bits), np.float32)
 

@@ -109,8 +109,8 @@ class ShapeSpectrum(Method):
 
     @property
     def sight(self) -> "ShapeSpectrum":
-        """See `Method.sight`: the band decides what is observed, and how far the search goes."""
-        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none")
+        """See `Method.sight`: the band decides what is observed; how far it is looked into is up to the reader."""
+        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none", search=True)
 
     @property
     def takes_reference(self) -> bool:
@@ -194,7 +194,7 @@ class ShapeSpectrum(Method):
     def decoder(self, n_bits: int, key: Key) -> Decoder:
         """What reads a key's bits from the hypotheses about any mesh."""
         expected = _EXPECTED_STEP * FORMATS[self.format].share(self.mrms, n_bits)
-        return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected)
+        return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected, self.search)
 
     @one_thread()
     def _change(self, cover: Cover, message: Bits, reads: Callable[[Floats], bool]) -> Floats:
