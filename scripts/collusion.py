@@ -13,15 +13,14 @@ like those of real copies, and says of how many means somebody who took part is 
 
 import argparse
 import csv
-import datetime
 import itertools
 import json
-import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from kept_rows import about, append, rows
 
 from o3dmark.attacks import attack_all
 from o3dmark.coding.collusion import Mixture, Seen
@@ -111,7 +110,7 @@ def main() -> None:
 
 def measure(name: str, folder: Path) -> None:
     """Append the rows of a mesh that are not there yet."""
-    done = {(row["mesh"], row["how"], row["colluders"], row["after"], row["trial"]) for row in rows()}
+    done = {(row["mesh"], row["how"], row["colluders"], row["after"], row["trial"]) for row in rows(ROWS)}
     waiting = [case for case in cases() if (name, *map(str, case)) not in done]
     if not waiting:
         return
@@ -130,7 +129,11 @@ def measure(name: str, folder: Path) -> None:
         guilty, others = log10_p[some], np.delete(log10_p, some)
         values = (name, len(mesh_arrays(cover)[0]), COPIES, how, size, after, trial)
         told = (np.sum(guilty <= np.log10(RATE)), np.sum(others <= np.log10(RATE)), guilty.min(), others.min())
-        append((*values, *told[:2], *(f"{number:.2f}" for number in told[2:])))
+        append(
+            ROWS,
+            (*FIELDS, *ABOUT),
+            (*values, *told[:2], *(f"{number:.2f}" for number in told[2:]), *about().values()),
+        )
 
 
 def simulated(folder: Path, count: int) -> dict[str, object]:
@@ -191,29 +194,6 @@ def crowd(copies: int) -> dict[str, object]:
             innocents += int(np.sum(np.delete(log10_p, some) <= np.log10(RATE)))
         named[f"{n_bits} bits, {size} copies"] = f"{found} of {MEANS}"
     return {"copies": copies, "a colluder named at 1e-6": named, "innocents named": innocents, **about()}
-
-
-def rows() -> list[dict[str, str]]:
-    if not ROWS.exists():
-        return []
-    with ROWS.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def append(values: tuple[object, ...]) -> None:
-    ROWS.parent.mkdir(parents=True, exist_ok=True)
-    new = not ROWS.exists()
-    with ROWS.open("a", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        if new:
-            table.writerow([*FIELDS, *ABOUT])
-        table.writerow([*values, *about().values()])
-
-
-def about() -> dict[str, str]:
-    git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
-    return {"commit": commit, "date": datetime.date.today().isoformat()}
 
 
 if __name__ == "__main__":

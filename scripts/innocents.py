@@ -8,12 +8,10 @@ of the likeliest innocent, all thousand candidates and all readings charged. Int
 """
 
 import argparse
-import csv
-import datetime
-import subprocess
 from pathlib import Path
 
 import numpy as np
+from kept_rows import about, append, rows
 
 from o3dmark.attacks import attack_all
 from o3dmark.coding.identities import codeword, codewords, nearest
@@ -63,7 +61,7 @@ def measure(name: str, folder: Path) -> None:
     mark, cover = PROFILES["robust-2026"], read_mesh(folder / MESHES[name])
     prepared = mark.prepare(cover, KEY)
     others = codewords(KEY, [f"innocent {number}" for number in range(INNOCENTS)], mark.n_bits)
-    done = {(row["mesh"], row["copy"], row["attack"]) for row in rows()}
+    done = {(row["mesh"], row["copy"], row["attack"]) for row in rows(ROWS)}
     for number in range(COPIES):
         waiting = [attack for attack in ATTACKS if (name, str(number), attack) not in done]
         if not waiting:
@@ -76,34 +74,16 @@ def measure(name: str, folder: Path) -> None:
             charged = max(read.hypotheses, len(readings))
             own = nearest(readings, word[None], charged)[0].log10_p
             best, alone = (nearest(readings, others, n)[0].log10_p for n in (charged * INNOCENTS, 1))
-            append((name, number, attack, charged, f"{own:.3f}", f"{best:.3f}", f"{alone:.3f}"))
+            told = (f"{number:.3f}" for number in (own, best, alone))
+            append(ROWS, FIELDS, (name, number, attack, charged, *told, *about().values()))
 
 
 def counted() -> dict[str, object]:
     """The number of readings in which an innocent's p-value, all charged, is at or below each rate; and the copies'."""
-    innocent = np.array([float(row["innocent"]) for row in rows()])
-    own = np.array([float(row["log10_p"]) for row in rows()])
+    innocent = np.array([float(row["innocent"]) for row in rows(ROWS)])
+    own = np.array([float(row["log10_p"]) for row in rows(ROWS)])
     levels = {f"1e-{level}": int(np.sum(innocent <= -level)) for level in (1, 2, 3, 6)}
     return {"readings": len(own), "innocents at": levels, "copies named at 1e-6": int(np.sum(own <= -6))}
-
-
-def rows() -> list[dict[str, str]]:
-    if not ROWS.exists():
-        return []
-    with ROWS.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def append(values: tuple[object, ...]) -> None:
-    git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
-    ROWS.parent.mkdir(parents=True, exist_ok=True)
-    new = not ROWS.exists()
-    with ROWS.open("a", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        if new:
-            table.writerow(FIELDS)
-        table.writerow([*values, commit, datetime.date.today().isoformat()])
 
 
 if __name__ == "__main__":

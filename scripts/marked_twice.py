@@ -8,10 +8,10 @@ of the first mark. Interrupted, it can be run again.
 """
 
 import argparse
-import csv
-import datetime
 from dataclasses import replace
 from pathlib import Path
+
+from kept_rows import about, append, rows
 
 from o3dmark.coding.keys import Key
 from o3dmark.files import read_mesh
@@ -36,12 +36,12 @@ def main() -> None:
     parser.add_argument("meshes", nargs="*", metavar="MESH", help=", ".join(MESHES))
     parser.add_argument("--meshes", dest="folder", type=Path, required=True, help="the folder of real meshes")
     options = parser.parse_args()
-    done = {(row["mesh"], row["mark"], row["seed"]) for row in rows()}
+    done = {(row["mesh"], row["mark"], row["seed"]) for row in rows(ROWS)}
     for name in options.meshes or MESHES:
         for mark in MARKS:
             for seed in SEEDS:
                 if (name, mark, str(seed)) not in done:
-                    append(measured(name, options.folder, mark, seed))
+                    append(ROWS, FIELDS, measured(name, options.folder, mark, seed))
 
 
 def measured(name: str, folder: Path, mark: str, seed: int) -> tuple[object, ...]:
@@ -52,25 +52,7 @@ def measured(name: str, folder: Path, mark: str, seed: int) -> tuple[object, ...
     read = MARKS[mark].extract(again, owner)
     log10_p = MARKS[mark].test(read.extraction, owner, "mine").log10_p
     msdm = float(METRICS.make("msdm")(cover, marked))
-    today = datetime.date.today().isoformat()
-    return name, mark, seed, int(read.message == "mine"), f"{log10_p:.2f}", f"{msdm:.3f}", today
-
-
-def rows() -> list[dict[str, str]]:
-    if not ROWS.exists():
-        return []
-    with ROWS.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def append(values: tuple[object, ...]) -> None:
-    new = not ROWS.exists()
-    ROWS.parent.mkdir(parents=True, exist_ok=True)
-    with ROWS.open("a", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        if new:
-            table.writerow(FIELDS)
-        table.writerow(values)
+    return name, mark, seed, int(read.message == "mine"), f"{log10_p:.2f}", f"{msdm:.3f}", about()["date"]
 
 
 if __name__ == "__main__":
