@@ -81,5 +81,5 @@ def coherence_log10p(vectors: Complexes) -> Floats:
     unit = np.sqrt((weight**2).mean(axis=-1, keepdims=True))
     slope = _SLOPES / np.where(unit > 0, unit, 1.0)  # (..., 60)
     exponent = slope[..., None] * weight[..., None, :]
-    log_p = (np.log(special.ive(0, exponent)) + exponent).sum(axis=-1) - slope * agreement[..., None]
+    log_p = (np.log(special.i0e(exponent)) + exponent).sum(axis=-1) - slope * agreement[..., None]
     return np.asarray(np.minimum(log_p.min(axis=-1), 0.0) / np.log(10.0))

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.coding.scs import coherence
@@ -144,7 +143,7 @@ class Decoder:
             step = steps[place][:, None]
             motions = [np.broadcast_to(seen.jacobian[:, :7], (len(d), *seen.jacobian[:, :7].shape)), values.slope(d)]
             jacobian = np.concatenate(motions, axis=2)[:, :, : 7 + len(prior)] / step[:, :, None]
-            priors = np.array([block_diag(self._frame_prior(seen, each), prior) for each in step[:, 0]])
+            priors = self._priors(seen, step, prior)
             moved = fit(values.at(d) / step - self.projections.dither, jacobian, priors)
             p = log10_p(moved.u, self.n_bits, moved.log10_trials) + np.log10(tried)
             order = np.argsort(p, kind="stable")
@@ -152,10 +151,14 @@ class Decoder:
             best = moved.u[order[0]], float(p[order[0]]), found, float(step[order[0], 0])
             yield _Best(*best, fitted=True, deformed=True), moved.u[order[:_KEPT]]
 
-    def _frame_prior(self, seen: Measurement, step: float) -> Floats:
-        """Covariance (7, 7) of the frame's motions that are expected, at a step."""
+    def _priors(self, seen: Measurement, steps: Floats, prior: Floats) -> Floats:
+        """Covariances (h, 7 + p, 7 + p) of the frame's motions that are expected at steps (h, 1), and of others (p, p).
+        """
         assert seen.covariance is not None
-        return np.asarray(seen.covariance[:7, :7] * (_NOISE * step) ** 2 + np.diag(_MIN_STD[:7] ** 2))
+        priors = np.zeros((len(steps), 7 + len(prior), 7 + len(prior)))
+        priors[:, :7, :7] = seen.covariance[:7, :7] * (_NOISE * steps[:, :, None]) ** 2 + np.diag(_MIN_STD[:7] ** 2)
+        priors[:, 7:, 7:] = prior
+        return priors
 
     def _extraction(self, best: _Best, charge: int, readings: Floats, charges: Ints) -> Extraction:
         seen = best.measurement

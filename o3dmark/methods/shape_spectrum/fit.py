@@ -32,19 +32,16 @@ def fit(u: Floats, jacobian: Floats, prior: Floats) -> Fitted:
     trials are the number of independent readings within the prior, which a p-value is to be multiplied by:
     the root of det(I + prior J' J / width^2).
     """
-    precision = np.linalg.inv(prior)
-    motion = np.zeros((len(u), jacobian.shape[-1]))
+    precision, turned = np.linalg.inv(prior), np.swapaxes(jacobian, 1, 2)
+    motion = np.zeros((len(u), jacobian.shape[-1], 1))
     for _ in range(_STEPS):
-        r = u + np.einsum("hkp,hp->hk", jacobian, motion)
+        r = u + (jacobian @ motion)[:, :, 0]
         r -= np.rint(2.0 * r) / 2.0
-        weight = np.cos(2.0 * np.pi * r) ** 2 / _WIDTH**2
-        weighted = jacobian * weight[:, :, None]
-        curvature = np.einsum("hkp,hkq->hpq", weighted, jacobian) + precision
-        slope = np.einsum("hkp,hk->hp", weighted, r) + np.einsum("hpq,hq->hp", precision, motion)
-        motion -= np.linalg.solve(curvature, slope[:, :, None])[:, :, 0]
-    information = np.einsum("hkp,hkq->hpq", jacobian, jacobian) / _WIDTH**2
-    _, log_det = np.linalg.slogdet(np.eye(prior.shape[-1]) + prior @ information)
-    return Fitted(u + np.einsum("hkp,hp->hk", jacobian, motion), 0.5 * log_det / np.log(10.0), motion)
+        weighted = turned * (np.cos(2.0 * np.pi * r) ** 2 / _WIDTH**2)[:, None, :]
+        slope = weighted @ r[:, :, None] + precision @ motion
+        motion -= np.linalg.solve(weighted @ jacobian + precision, slope)
+    _, log_det = np.linalg.slogdet(np.eye(prior.shape[-1]) + prior @ (turned @ jacobian) / _WIDTH**2)
+    return Fitted(u + (jacobian @ motion)[:, :, 0], 0.5 * log_det / np.log(10.0), motion[:, :, 0])
 
 
 def log10_p(u: Floats, n_bits: int, log10_trials: Floats | float = 0.0) -> Floats:
