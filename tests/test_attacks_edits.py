@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from open3d.geometry import AxisAlignedBoundingBox
+from scipy.spatial import KDTree
 
 from fixtures.attacked import is_closed, moved, sphere, torus, volume
 from o3dmark.attacks import ATTACKS
-from o3dmark.errors import SpecError
+from o3dmark.attacks.geometry import random_direction
+from o3dmark.errors import BackendError, SpecError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.inside import pieces, within
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
@@ -106,6 +109,44 @@ def test_one_half_is_smoothed_and_the_other_untouched(spot: TriangleMesh) -> Non
     assert np.mean((before == after).all(axis=1)) == pytest.approx(0.5, abs=0.03)
 
 
+def test_one_half_is_simplified_and_the_other_untouched(spot: TriangleMesh) -> None:
+    before, after = mesh_arrays(spot), mesh_arrays(attacked("half:edit=simplify,ratio=0.5", spot))
+    assert len(after[1]) == pytest.approx(0.75 * len(before[1]), rel=0.05)
+    gone = KDTree(after[0]).query(before[0])[0] > 1e-9
+    height = before[0] @ random_direction(np.random.default_rng(0))
+    assert 0.3 < gone.mean() < 0.5
+    assert height[gone].min() > np.median(height)
+
+
+@pytest.mark.parametrize("depth", [0.06, 0.3])
+def test_a_pedestal_is_one_with_what_stands_on_it(depth: float) -> None:
+    before, after = mesh_arrays(sphere())[0], attacked(f"pedestal:depth={depth}", sphere())
+    surface = Surface.of(after)
+    assert is_closed(after)
+    assert len(np.unique(pieces(surface))) == 1
+    assert surface.vertices[:, 2].max() == pytest.approx(before[:, 2].max())
+    below = before[:, 2].min() - surface.vertices[:, 2].min()
+    assert 0 < below < 0.1 * np.ptp(before[:, 2])
+    cap = np.pi * (depth * 2.0) ** 2 * (3.0 - depth * 2.0) / 3.0 * (volume(sphere()) / (4.0 / 3.0 * np.pi))
+    width, length, _ = np.ptp(surface.vertices, axis=0)
+    plate = width * length * (below + depth * np.ptp(before[:, 2]))
+    assert volume(after) == pytest.approx(volume(sphere()) - cap + plate, rel=0.02)
+
+
+def test_a_pedestal_wants_something_closed() -> None:
+    with pytest.raises(BackendError, match="boolean"):
+        attacked("pedestal", TriangleMesh.create_sphere().crop(AxisAlignedBoundingBox([-2, -2, -2], [2, 2, 0])))
+
+
+def test_a_second_mark_moves_vertices_a_little_and_the_seed_decides(spot: TriangleMesh) -> None:
+    vertices, triangles = mesh_arrays(spot)
+    again, same = mesh_arrays(attacked("remark:profile=tiny-2026", spot))
+    assert np.array_equal(triangles, same)
+    motion = np.linalg.norm(again - vertices, axis=1).max() / geometry.diagonal(vertices)
+    assert 0 < motion < 0.01
+    assert not np.array_equal(again, mesh_arrays(attacked("remark:profile=tiny-2026", spot, seed=1))[0])
+
+
 def test_sharpening_undoes_what_smoothing_did_at_first_order(spot: TriangleMesh) -> None:
     before = mesh_arrays(spot)[0]
     soft = attacked("smooth:iterations=1", spot)
@@ -149,12 +190,25 @@ def test_about_a_random_axis_the_seed_decides(name: str) -> None:
     assert volume(attacked(f"{name}:axis=random,angle=5,band=1", torus())) == pytest.approx(volume(torus()), rel=0.02)
 
 
+def test_a_second_mark_needs_a_profile_that_there_is() -> None:
+    with pytest.raises(SpecError, match="robust-2026"):
+        ATTACKS.make("remark:profile=none")
+
+
 @pytest.mark.parametrize(
     "spec",
     [
         *("soup:jitter=-1", "soup:flipped=2", "crack:pieces=0", "crack:gap=-1", "twice:jitter=-1", "inside:size=1"),
         *("speck:size=0", "dust:size=2", "scene:objects=-1", "plate:copies=0", "flatten:share=1", "bump:radius=0"),
-        *("half:iterations=-1", "sharpen:iterations=0", "bilateral:height=0", "warp:lowest=0", "strain:amount=1"),
+        *(
+            "half:iterations=-1",
+            "half:ratio=1",
+            "pedestal:depth=1",
+            "sharpen:iterations=0",
+            "bilateral:height=0",
+            "warp:lowest=0",
+            "strain:amount=1",
+        ),
     ],
 )
 def test_options_out_of_range_are_refused(spec: str) -> None:

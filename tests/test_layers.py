@@ -22,9 +22,10 @@ LAYERS = """
     registry
     mesh coding
     solid files received
-    attacks metrics synthetic methods
+    metrics synthetic methods
     watermark
     profiles
+    attacks
     marking
     view
     campaign

@@ -11,11 +11,11 @@ import numpy as np
 import open3d as o3d
 
 from o3dmark.arrays import Floats, Ints
-from o3dmark.attacks import ATTACKS, Attack
+from o3dmark.attacks import ATTACKS, Attack, _meshlab
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, made
 from o3dmark.attacks.geometry import random_direction, random_rotation
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
 from o3dmark.registry import option
 
 Arrays = tuple[Floats, Ints]
@@ -181,6 +181,28 @@ class Plate(Attack):
         return _with(mesh, others)
 
 
+@ATTACKS.register("pedestal")
+@dataclass(frozen=True)
+class Pedestal(Attack):
+    """A plate under the object, fused with it: the surface of both together, by exact boolean union.
+
+    It acts on the welded surface, which has to be closed. Source: defined here; a figure made ready to print.
+    """
+
+    depth: float = option(0.06, "how deep the object stands in the plate, over its height; 0 to 0.9; 0: none")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.depth <= 0.9:
+            raise ValueError(f"depth should be 0 to 0.9, not {self.depth}")
+
+    def attack(self, mesh: Any, rng: np.random.Generator) -> Any:  # noqa: ARG002
+        surface = Surface.of(mesh)
+        if not self.depth:
+            return copied(mesh)
+        plate, corners = _base(surface.vertices, self.depth * np.ptp(surface.vertices[:, 2]))
+        return made(mesh, *_meshlab.union(surface.vertices, surface.triangles, plate, corners))
+
+
 def primitive(name: str) -> TriangleMesh:
     """One of Open3D's primitives, in some hundred to some thousand triangles."""
     makers = {
@@ -205,12 +227,12 @@ def _with(mesh: Any, others: Sequence[Arrays], colours: Floats | None = None) ->
     return made(mesh, together, corners, mine)
 
 
-def _base(vertices: Floats) -> Arrays:
-    """A box a little wider than the object, that its lowest vertex stands on."""
+def _base(vertices: Floats, depth: float = 0.0) -> Arrays:
+    """A box a little wider than the object, that its lowest vertex stands on, or ``depth`` below its top."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     margin, thickness = 0.1 * (high - low).max(), 0.05 * (high - low).max()
     box, triangles = mesh_arrays(TriangleMesh.create_box().subdivide_midpoint(3))
-    size = np.array([*(high - low)[:2] + 2.0 * margin, thickness])
+    size = np.array([*(high - low)[:2] + 2.0 * margin, thickness + depth])
     return np.array([*low[:2] - margin, low[2] - thickness]) + box * size, triangles
 
 

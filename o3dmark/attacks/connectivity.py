@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.attacks import ATTACKS, Attack, _meshlab
 from o3dmark.attacks._carry import copied, made
 from o3dmark.mesh import geometry
@@ -29,7 +30,6 @@ _COLLAPSE = {
     "optimalplacement": True,
     "qualityweight": False,
     "autoclean": True,
-    "selected": False,
 }
 _REMESH = {
     "adaptive": False,
@@ -62,9 +62,15 @@ class Simplify(Attack):
         surface = Surface.of(mesh)
         if not self.ratio:
             return copied(mesh)
-        target = max(4, round((1.0 - self.ratio) * len(surface.triangles)))
-        collapse = ("meshing_decimation_quadric_edge_collapse", {"targetfacenum": target} | _COLLAPSE)
-        return made(mesh, *_meshlab.apply(surface.vertices, surface.triangles, collapse))
+        return made(mesh, *simplified(surface, self.ratio))
+
+
+def simplified(surface: Surface, ratio: float, part: Bools | None = None) -> tuple[Floats, Ints]:
+    """Vertices and triangles that are left when a ratio of the triangles, or of a ``part`` (m,) of them, is gone."""
+    count = len(surface.triangles) if part is None else int(part.sum())
+    wanted = {"targetfacenum": max(4, round((1.0 - ratio) * count)), "selected": part is not None}
+    collapse = ("meshing_decimation_quadric_edge_collapse", wanted | _COLLAPSE)
+    return _meshlab.apply(surface.vertices, surface.triangles, collapse, selected=part)
 
 
 @ATTACKS.register("remesh")

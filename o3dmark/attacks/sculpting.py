@@ -1,13 +1,14 @@
 """Edits of a part of the shape, or of its grain: what a sculptor's brush, a saw or a filter does."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from o3dmark.arrays import Floats
 from o3dmark.attacks import ATTACKS, Attack
-from o3dmark.attacks._carry import checked_arrays, copied, moved
+from o3dmark.attacks._carry import checked_arrays, copied, made, moved
+from o3dmark.attacks.connectivity import simplified
 from o3dmark.attacks.geometry import random_direction
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, with_vertices
@@ -67,26 +68,31 @@ class Bump(Attack):
 @ATTACKS.register("half")
 @dataclass(frozen=True)
 class Half(Attack):
-    """One half of the surface smoothed, by umbrella smoothing of strength 0.1; the other stays as it is.
+    """One half of the surface smoothed or simplified; the other stays as it is.
 
-    The halves are cut by a random plane through the middle vertex. Source: defined here.
+    The halves are cut by a random plane through the middle vertex. Smoothing is umbrella smoothing of strength 0.1,
+    simplification that of `simplify`. Source: defined here.
     """
 
-    iterations: int = option(30, "number of passes; 0: none")
+    edit: Literal["smooth", "simplify"] = option("smooth", "what is done to the half")
+    iterations: int = option(30, "passes of smoothing; 0: none")
+    ratio: float = option(0.5, "share of the half's triangles that simplification removes; 0: none")
 
     def __post_init__(self) -> None:
-        if self.iterations < 0:
-            raise ValueError(f"iterations should be 0 or more, not {self.iterations}")
+        if self.iterations < 0 or not 0 <= self.ratio <= 0.999:
+            raise ValueError("wants iterations >= 0 and ratio in 0 .. 0.999")
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
         surface = Surface.of(mesh)
-        if not self.iterations:
+        if not (self.iterations if self.edit == "smooth" else self.ratio):
             return copied(mesh)
+        height = surface.vertices @ random_direction(rng)
+        there = height > np.median(height)
+        if self.edit == "simplify":
+            return made(mesh, *simplified(surface, self.ratio, there[surface.triangles].all(axis=1)))
         v = surface.vertices
-        height = v @ random_direction(rng)
-        strength = np.where(height > np.median(height), 0.1, 0.0)[:, None]
         for _ in range(self.iterations):
-            v = v + strength * (surface.neighbour_mean @ v - v)
+            v = v + 0.1 * there[:, None] * (surface.neighbour_mean @ v - v)
         return with_vertices(mesh, surface, v)
 
 
