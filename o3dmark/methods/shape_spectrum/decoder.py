@@ -152,7 +152,7 @@ class Decoder:
             yield _Best(*best, fitted=True, deformed=True), moved.u[order[:_KEPT]]
 
     def _priors(self, seen: Measurement, steps: Floats, prior: Floats) -> Floats:
-        """Covariances (h, 7 + p, 7 + p) of the frame's motions that are expected at steps (h, 1), and of others (p, p)."""
+        """Covariances (h, 7 + p, 7 + p) of the frame's motions expected at steps (h, 1), and of others (p, p)."""
         assert seen.covariance is not None
         priors = np.zeros((len(steps), 7 + len(prior), 7 + len(prior)))
         priors[:, :7, :7] = seen.covariance[:7, :7] * (_NOISE * steps[:, :, None]) ** 2 + np.diag(_MIN_STD[:7] ** 2)
