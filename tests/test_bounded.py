@@ -7,7 +7,9 @@ import pytest
 
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
+from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.metrics import METRICS
 from o3dmark.profiles import PROFILES
 from o3dmark.solid.quadrature import _MOST_PARTS, rule
 from o3dmark.solid.solid import Solid
@@ -62,3 +64,21 @@ def test_a_cluster_of_vertices_is_read_or_refused(key: Key) -> None:
     with pytest.raises(MeshError):
         MARK.embed(mesh, "m", key)
     assert not QUICK.extract(mesh, key).found
+
+
+@pytest.mark.parametrize("metric", ["msdm", "msdm2"])
+def test_a_mesh_that_is_a_speck_beside_its_box_has_no_windows(metric: str) -> None:
+    ball = TriangleMesh.create_icosahedron().subdivide_loop(5)
+    mesh = with_triangle(mesh_arrays(ball), (1e4, 0.0, 0.0), (1e4, 1.0, 0.0), (1e4, 0.0, 1.0))
+    with pytest.raises(MeshError, match="most of the mesh lies in one window"):
+        METRICS.make(metric)(mesh, mesh)
+
+
+def test_every_point_of_a_fan_of_needles_is_found_in_time() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)
+    rim = np.stack([np.cos(angle), 1.3 * np.sin(angle), 0.3 * np.cos(3 * angle)], axis=1)
+    numbers = np.arange(len(rim))
+    fan = np.stack([np.full_like(numbers, len(rim)), numbers, np.roll(numbers, -1)], axis=1)
+    surface = Surface.from_arrays(np.vstack([rim, [0.2, 0.0, 1.0]]), fan)
+    middle = surface.vertices[surface.triangles].mean(axis=1)
+    assert closest_points(middle, surface).distance.max() < 1e-8  # as exact as needles are

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.proximity import closest_points, tree_of
 from o3dmark.mesh.surface import Surface
 
 TRIANGLE = Surface.from_arrays(np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]]), np.array([[0, 1, 2]]))
@@ -126,3 +126,30 @@ def test_a_millionth_of_a_millionth_is_seen(offset):
 def test_no_point_is_no_answer():
     found = closest_points(np.empty((0, 3)), TRIANGLE)
     assert [len(column) for column in found] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3])
+def test_needles_are_found_as_other_triangles_are(spread):
+    rng = np.random.default_rng(5)
+    angle = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False)
+    rim = np.array([7.0, -3.0, 1.0]) + np.stack(
+        [np.cos(angle), np.sin(angle), spread * rng.standard_normal(300)], axis=1
+    )
+    fan = np.stack([np.zeros(298, int), np.arange(1, 299), np.arange(2, 300)], axis=1)
+    surface = Surface.from_arrays(rim, fan)
+    points = np.concatenate([rim[:20], rim.mean(axis=0) + rng.normal(size=(40, 3))])
+    found = closest_points(points, surface)
+    assert len(tree_of(surface).order) > 2 * len(fan)
+    for i, point in enumerate(points):
+        slow = [closest_slowly(point, corner) for corner in surface.vertices[surface.triangles]]
+        distances = np.linalg.norm(point - slow, axis=1)
+        assert found.distance[i] == pytest.approx(distances.min(), rel=1e-9, abs=1e-15)
+
+
+def test_a_triangle_without_area_is_boxed_in_slices_that_hold_it():
+    corners = np.array([[0.0, 0, 0], [1, 2, 3], [2, 4, 6], [9, 0, 0], [9, 1, 0], [9, 0, 1]]) / 3.0
+    surface = Surface.from_arrays(corners, np.array([[0, 1, 2], [3, 4, 5]]))
+    points = np.linspace(0.0, 1.0, 50)[:, None] * surface.vertices[2]
+    found = closest_points(points, surface)
+    assert found.distance == pytest.approx(0.0, abs=1e-15)
+    assert (found.triangle == 0).all()

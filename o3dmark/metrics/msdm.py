@@ -21,8 +21,12 @@ from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.metrics.displacement import paired
-from o3dmark.metrics.normal_cycle import curvature, rings_of, steps_for, walk
+from o3dmark.metrics.normal_cycle import MOST_STEPS, check_within, curvature, rings_of, steps_for, walk
 from o3dmark.registry import option
+
+# Pairs compared in a window of MSDM on average over the vertices, above which a mesh is refused: windows of two meshes
+# that differ by half in their edges, of which there are 60, make 5 000
+_MOST_COMPARED = 300_000
 
 
 @METRICS.register("msdm")
@@ -32,7 +36,8 @@ class MSDM(Metric):
 
     Needs the same triangles over the same vertices in the same order. Vertices that coincide in the reference are
     compared as one, unused ones not at all. Swapping the meshes changes the value: noise by 1e-4, smoothing by 10 %.
-    Without unit. Source: Lavoue, Gelasca, Dupont, Baskurt and Ebrahimi 2006, Perceptually driven 3D distance metrics
+    Without unit. Errors: MeshError where most of the mesh lies in a window.
+    Source: Lavoue, Gelasca, Dupont, Baskurt and Ebrahimi 2006, Perceptually driven 3D distance metrics
     with application to watermarking; MEPP.
     """
 
@@ -56,7 +61,8 @@ class MSDM(Metric):
         side, rings = _longest_side(a), rings_of(triangles, len(a))
         k_a, k_b = (side * curvature(v, triangles, rings, self.curvature_radius * side) for v in (a, b))
         room = steps_for(rings), steps_for(rings)
-        moments = _paired_moments(a, b, k_a, k_b, rings, room, self.window * side, self.sigma * side)
+        moments, within = _paired_moments(a, b, k_a, k_b, rings, room, self.window * side, self.sigma * side)
+        check_within(within)
         L, C, S = _comparisons(moments)
         return np.asarray(np.cbrt((L**3 + C**3 + 0.5 * S**3) / 2.5))
 
@@ -68,6 +74,7 @@ class MSDM2(Metric):
 
     Forward has its windows on the distorted mesh and looks up the reference, backward the other way; symmetric is the
     mean of both. Coincident vertices are one vertex. Without unit.
+    Errors: MeshError where most of a mesh lies in a window.
     Source: Lavoue 2011, A multiscale metric for 3D mesh visual quality assessment; MEPP2.
     """
 
@@ -98,9 +105,10 @@ class MSDM2(Metric):
             k = side * curvature(source.vertices, source.triangles, rings, r)
             k_target = side * curvature(target.vertices, target.triangles, target_rings, r)
             k_match = np.sum(shares * k_target[corners], axis=1)
-            moments = _matched_moments(
+            moments, within = _matched_moments(
                 source.vertices, match.point, k, k_match, rings, steps_for(rings), 5 * r, 2.5 * r
             )
+            check_within(within)
             L, C, S = _comparisons(moments)
             total += (L + C + 0.5 * S) / 2.5
         return total / self.scales
@@ -184,30 +192,41 @@ def _covariance(x, at_x, mu_x, n_x, y, at_y, mu_y, n_y, centre, sigma):  # type:
 
 @njit(cache=True, nogil=True)
 def _paired_moments(a, b, k_a, k_b, rings, steps, radius, sigma):  # type: ignore[no-untyped-def]
-    """Means, deviations and covariance (n, 5) in MSDM's windows, one on each mesh."""
+    """Means, deviations and covariance (n, 5) in MSDM's windows, one on each mesh; whether these are small enough."""
     moments, e = np.empty((len(a), 5)), len(rings.target)
+    taken = compared = 0
     at_a, x, w_a = np.empty((e, 3)), np.empty(e), np.empty(e)
     at_b, y, w_b = np.empty((e, 3)), np.empty(e), np.empty(e)
     for v in range(len(a)):
         n_a = _window(v, a, k_a, rings, steps[0], radius, sigma, at_a, x, w_a)
         n_b = _window(v, b, k_b, rings, steps[1], radius, sigma, at_b, y, w_b)
+        taken, compared = taken + n_a + n_b, compared + (n_a + n_b) * min(2 * abs(n_a - n_b), n_a + n_b)
+        if taken > MOST_STEPS * len(a) or compared > _MOST_COMPARED * len(a):
+            return moments, False
         mu_a, s_a = _spread(x, w_a, n_a)
         mu_b, s_b = _spread(y, w_b, n_b)
         # sic: both weighted by the distance from b's vertex
         one = _covariance(x, at_a, mu_a, n_a, y, at_b, mu_b, n_b, b[v], sigma)
         two = _covariance(y, at_b, mu_b, n_b, x, at_a, mu_a, n_a, b[v], sigma)
         moments[v] = mu_a, mu_b, s_a, s_b, (one + two) / 2
-    return moments
+    return moments, True
 
 
 @njit(cache=True, nogil=True)
 def _matched_moments(points, matched, k, k_match, rings, steps, radius, sigma):  # type: ignore[no-untyped-def]
-    """Means, deviations and covariance (n, 5) in MSDM2's windows: one walk, and what its points match."""
-    moments, e = np.empty((len(points), 5)), len(rings.target) + 1
+    """Means, deviations and covariance (n, 5) in MSDM2's windows: one walk, and what its points match.
+
+    And whether the windows are small enough.
+    """
+    moments, e, taken = np.empty((len(points), 5)), len(rings.target) + 1, 0
     x, y, w_x, w_y = np.empty(e), np.empty(e), np.empty(e), np.empty(e)
     for v in range(len(points)):
         x[0], y[0], w_x[0], w_y[0], n = k[v], k_match[v], 1.0, 1.0, 1
-        for i in range(walk(v, radius, points, rings, steps)):
+        used = walk(v, radius, points, rings, steps)
+        taken += used
+        if taken > MOST_STEPS * len(points):
+            return moments, False
+        for i in range(used):
             p, q, t = steps.source[i], rings.target[steps.entry[i]], steps.inside[i]
             if t == 1.0 and not steps.fresh[i]:
                 continue
@@ -226,4 +245,4 @@ def _matched_moments(points, matched, k, k_match, rings, steps, radius, sigma): 
             total += w_x[i]
             sum_xy += w_y[i] * (x[i] - mu_x) * (y[i] - mu_y)
         moments[v] = mu_x, mu_y, s_x, s_y, sum_xy / total  # sic: weights of y above, of x below
-    return moments
+    return moments, True
