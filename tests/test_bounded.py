@@ -81,4 +81,4 @@ def test_every_point_of_a_fan_of_needles_is_found_in_time() -> None:
     fan = np.stack([np.full_like(numbers, len(rim)), numbers, np.roll(numbers, -1)], axis=1)
     surface = Surface.from_arrays(np.vstack([rim, [0.2, 0.0, 1.0]]), fan)
     middle = surface.vertices[surface.triangles].mean(axis=1)
-    assert closest_points(middle, surface).distance.max() < 1e-8  # as exact as needles are
+    assert closest_points(middle, surface).distance.max() < 1e-7  # as exact as needles are
