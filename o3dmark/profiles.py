@@ -12,6 +12,9 @@ PROFILES: dict[str, Watermark] = {
     "invisible-2026": Watermark(METHODS.make("shape-spectrum:mrms=0.00037"), CODES.make("random"), 64),
     "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=8,highest=24,rungs=60"), CODES.make("random"), 64),
     "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
+    "contested-2026": Watermark(
+        METHODS.make("shape-spectrum:mrms=0.0003,lowest=8,highest=32,rungs=60"), CODES.make("random"), 64
+    ),
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }
 DEFAULT_PROFILE = "robust-2026"

@@ -152,6 +152,7 @@ GOLDENS = {
     "robust": Golden("a plain solid", "spot", message="mine"),
     "invisible": Golden("the weaker mark", "cat:vertices=2000", profile="invisible-2026", message="hex:c0ffee"),
     "slender": Golden("a thin-limbed solid", "ant:vertices=2000", profile="slender-2026", message="ant"),
+    "contested": Golden("short waves, two marks deep", "bimba:vertices=2500", profile="contested-2026", message="mine"),
     "paper": Golden("a mark on salient vertices", "spot", profile="paper-2026", message="hex:00ff00ff"),
     "tiny": Golden("the same, of one byte", "cat:vertices=1500", profile="tiny-2026", message="1"),
     "sheet": Golden("a thin sheet, in the frame of its area", "leaf", message="leaf", measure="area"),

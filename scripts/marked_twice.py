@@ -8,27 +8,20 @@ of the first mark. Interrupted, it can be run again.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from kept_rows import about, append, rows
 
 from o3dmark.coding.keys import Key
 from o3dmark.files import read_mesh
-from o3dmark.methods import METHODS
 from o3dmark.metrics import METRICS
 from o3dmark.profiles import PROFILES
 
 ROWS = Path(__file__).parent.parent / "results" / "marked_twice" / "rows.csv"
 MESHES = {name: f"paper/{name}.ply" for name in ("bimba", "ant", "cup", "bunny", "horse_48485", "venus_50002")}
-SHORTER = "shape-spectrum:lowest=8,highest=24,rungs=60,mrms=0.0004"
-MARKS = {
-    "robust-2026": PROFILES["robust-2026"],
-    "slender-2026": PROFILES["slender-2026"],
-    SHORTER: replace(PROFILES["robust-2026"], method=METHODS.make(SHORTER)),
-}
-SEEDS = (0, 1)
-FIELDS = ("mesh", "mark", "seed", "read", "log10_p", "msdm", "date")
+NAMES = ("robust-2026", "slender-2026", "contested-2026")
+SEEDS = (0, 1, 2)
+FIELDS = ("mesh", "profile", "seed", "read", "log10_p", "msdm", "date")
 
 
 def main() -> None:
@@ -36,23 +29,24 @@ def main() -> None:
     parser.add_argument("meshes", nargs="*", metavar="MESH", help=", ".join(MESHES))
     parser.add_argument("--meshes", dest="folder", type=Path, required=True, help="the folder of real meshes")
     options = parser.parse_args()
-    done = {(row["mesh"], row["mark"], row["seed"]) for row in rows(ROWS)}
+    done = {(row["mesh"], row["profile"], row["seed"]) for row in rows(ROWS)}
     for name in options.meshes or MESHES:
-        for mark in MARKS:
+        for profile in NAMES:
             for seed in SEEDS:
-                if (name, mark, str(seed)) not in done:
-                    append(ROWS, FIELDS, measured(name, options.folder, mark, seed))
+                if (name, profile, str(seed)) not in done:
+                    append(ROWS, FIELDS, measured(name, options.folder, profile, seed))
 
 
-def measured(name: str, folder: Path, mark: str, seed: int) -> tuple[object, ...]:
-    """The row of a mesh, a mark and a seed."""
+def measured(name: str, folder: Path, profile: str, seed: int) -> tuple[object, ...]:
+    """The row of a mesh, a profile and a seed."""
+    mark = PROFILES[profile]
     cover, owner, other = read_mesh(folder / MESHES[name]), Key(bytes([seed] * 32)), Key(bytes([seed + 100] * 32))
-    marked = MARKS[mark].embed(cover, "mine", owner)
-    again = MARKS[mark].embed(marked, "evil", other)
-    read = MARKS[mark].extract(again, owner)
-    log10_p = MARKS[mark].test(read.extraction, owner, "mine").log10_p
+    marked = mark.embed(cover, "mine", owner)
+    again = mark.embed(marked, "evil", other)
+    read = mark.extract(again, owner)
+    log10_p = mark.test(read.extraction, owner, "mine").log10_p
     msdm = float(METRICS.make("msdm")(cover, marked))
-    return name, mark, seed, int(read.message == "mine"), f"{log10_p:.2f}", f"{msdm:.3f}", about()["date"]
+    return name, profile, seed, int(read.message == "mine"), f"{log10_p:.2f}", f"{msdm:.3f}", about()["date"]
 
 
 if __name__ == "__main__":

@@ -151,6 +151,11 @@ def test_profiles_never_change() -> None:
             {"name": "random", "message_bytes": None},
             64,
         ),
+        "contested-2026": (
+            spectrum | {"mrms": 3e-4, "lowest": 8.0, "highest": 32.0, "rungs": 60},
+            {"name": "random", "message_bytes": None},
+            64,
+        ),
         "invisible-2026": (spectrum | {"mrms": 3.7e-4}, {"name": "random", "message_bytes": None}, 64),
         "paper-2026": (scs, {"name": "random", "message_bytes": None}, 64),
         "tiny-2026": (scs, {"name": "random", "message_bytes": 1}, 32),
