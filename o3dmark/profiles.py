@@ -13,7 +13,7 @@ PROFILES: dict[str, Watermark] = {
     "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=8,highest=24,rungs=60"), CODES.make("random"), 64),
     "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
     "contested-2026": Watermark(
-        METHODS.make("shape-spectrum:mrms=0.0003,lowest=8,highest=32,rungs=60"), CODES.make("random"), 64
+        METHODS.make("shape-spectrum:mrms=0.0004,lowest=8,highest=24,rungs=60"), CODES.make("random"), 64
     ),
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }

@@ -152,7 +152,7 @@ def test_profiles_never_change() -> None:
             64,
         ),
         "contested-2026": (
-            spectrum | {"mrms": 3e-4, "lowest": 8.0, "highest": 32.0, "rungs": 60},
+            spectrum | {"mrms": 4e-4, "lowest": 8.0, "highest": 24.0, "rungs": 60},
             {"name": "random", "message_bytes": None},
             64,
         ),
