@@ -1,0 +1,64 @@
+"""Hinges: the edges where two triangles meet, and how the angle there answers to moving the four corners.
+
+Source: Grinspun, Hirani, Desbrun and Schroeder 2003, Discrete shells, whose bending energy is
+sum (change of angle)^2 3 |edge|^2 / (area of both triangles); linearised here.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from o3dmark.arrays import Floats, Ints
+from o3dmark.mesh import geometry
+
+_LOWEST = 0.05  # height of a triangle over the edge that counts: that of a sliver would outweigh all others
+_SMALLEST = 1e-3  # area about an edge that counts, over the mean
+
+
+class Hinges(NamedTuple):
+    """The edges (h, 2) that exactly two triangles share, the third corners (h, 2) of these, and which they are (h, 2)."""
+
+    edge: Ints
+    opposite: Ints
+    triangle: Ints
+
+    @classmethod
+    def of(cls, triangles: Ints) -> "Hinges":
+        """Those of triangles (m, 3)."""
+        keys = geometry.edge_keys(triangles).ravel()  # from each corner to the next, triangle by triangle
+        order = np.argsort(keys, kind="stable")
+        first = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+        shared = first[np.diff(np.concatenate([first, [len(keys)]])) == 2]
+        one, other = order[shared], order[shared + 1]
+        following, third = (np.roll(triangles, -i, axis=1).ravel() for i in (1, 2))
+        edge = np.stack([triangles.ravel()[one], following[one]], axis=1)
+        return cls(edge, np.stack([third[one], third[other]], axis=1), np.stack([one // 3, other // 3], axis=1))
+
+    def angles(self, normals: Floats) -> Floats:
+        """By how much both triangles' unit normals (m, 3) differ, in radians (h,)."""
+        one, other = normals[self.triangle.T]
+        return np.asarray(np.arccos(np.clip(np.einsum("hd,hd->h", one, other), -1.0, 1.0)))
+
+    def bending(self, vertices: Floats, triangles: Ints) -> tuple[sp.csr_array, Floats]:
+        """The change of each angle (h, 3 n) as vertex v moves along axis i (column 3 v + i), and its price (h,)."""
+        area_vectors = geometry.area_vectors(vertices, triangles)
+        area, normals = np.linalg.norm(area_vectors, axis=1), geometry.unit(area_vectors)
+        start = vertices[self.edge[:, 0]]
+        along = vertices[self.edge[:, 1]] - start
+        length2 = np.maximum(np.einsum("hd,hd->h", along, along), np.finfo(np.float64).tiny)
+        slopes = np.zeros((len(along), 4, 3))  # of both ends, and of both third corners
+        for side in range(2):
+            height = np.maximum(2.0 * area[self.triangle[:, side]] / np.sqrt(length2), _LOWEST * np.sqrt(length2))
+            slope = normals[self.triangle[:, side]] / height[:, None]
+            foot = np.einsum("hd,hd->h", vertices[self.opposite[:, side]] - start, along) / length2
+            foot = np.clip(foot, -1.0, 2.0)[:, None]
+            slopes[:, 2 + side] = slope
+            slopes[:, 0] -= (1.0 - foot) * slope
+            slopes[:, 1] -= foot * slope
+        columns = 3 * np.concatenate([self.edge, self.opposite], axis=1)[:, :, None] + np.arange(3)
+        rows = np.broadcast_to(np.arange(len(along))[:, None, None], columns.shape)
+        shape = len(along), 3 * len(vertices)
+        change = sp.csr_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+        about = area[self.triangle].sum(axis=1)
+        return change, 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean())
