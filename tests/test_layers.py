@@ -21,7 +21,7 @@ LAYERS = """
     _version arrays errors
     registry
     mesh coding
-    solid files received
+    solid files received motion
     metrics synthetic methods
     watermark
     profiles

@@ -143,7 +143,7 @@ def test_profiles_never_change() -> None:
         "search": True,
     }
     spectrum = {"name": "shape-spectrum", "mrms": 5.8e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
-    spectrum |= {"rungs": 45, "format": "2026", "mask": "none", "search": True}
+    spectrum |= {"rungs": 45, "format": "2026", "mask": "none", "motion": "unseen", "search": True}
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
         "slender-2026": (

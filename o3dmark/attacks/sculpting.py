@@ -89,7 +89,7 @@ class Half(Attack):
         height = surface.vertices @ random_direction(rng)
         there = height > np.median(height)
         if self.edit == "simplify":
-            return made(mesh, *simplified(surface, self.ratio, there[surface.triangles].all(axis=1)))
+            return made(mesh, *simplified(surface, self.ratio, np.all(there[surface.triangles], axis=1)))
         v = surface.vertices
         for _ in range(self.iterations):
             v = v + 0.1 * there[:, None] * (surface.neighbour_mean @ v - v)

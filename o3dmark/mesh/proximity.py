@@ -103,7 +103,8 @@ def _slices(corners):  # type: ignore[no-untyped-def]
         for i in range(3):
             for k in range(3):
                 length[i] += (corners[t, (i + 1) % 3, k] - corners[t, i, k]) ** 2
-        i = longest[t] = np.argmax(length)
+        longest[t] = np.argmax(length)
+        i = longest[t]
         a, b, c = corners[t, i], corners[t, (i + 1) % 3], corners[t, (i + 2) % 3]
         height2 = _on_edge(c, a, b, 0, 1)[0]
         if length[i] > (_SLENDER**2) * height2:

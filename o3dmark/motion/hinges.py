@@ -12,12 +12,12 @@ import scipy.sparse as sp
 from o3dmark.arrays import Floats, Ints
 from o3dmark.mesh import geometry
 
-_LOWEST = 0.05  # height of a triangle over the edge that counts: that of a sliver would outweigh all others
+_LOWEST = 0.05  # height of a triangle over its edge, below which the price falls: slivers would outweigh all others
 _SMALLEST = 1e-3  # area about an edge that counts, over the mean
 
 
 class Hinges(NamedTuple):
-    """The edges (h, 2) that exactly two triangles share, the third corners (h, 2) of these, and which they are (h, 2)."""
+    """The edges (h, 2) that exactly two triangles share; the triangles (h, 2), and their third corners (h, 2)."""
 
     edge: Ints
     opposite: Ints
@@ -35,10 +35,15 @@ class Hinges(NamedTuple):
         edge = np.stack([triangles.ravel()[one], following[one]], axis=1)
         return cls(edge, np.stack([third[one], third[other]], axis=1), np.stack([one // 3, other // 3], axis=1))
 
-    def angles(self, normals: Floats) -> Floats:
-        """By how much both triangles' unit normals (m, 3) differ, in radians (h,)."""
-        one, other = normals[self.triangle.T]
-        return np.asarray(np.arccos(np.clip(np.einsum("hd,hd->h", one, other), -1.0, 1.0)))
+    def angles(self, vertices: Floats, triangles: Ints) -> Floats:
+        """From the normal of one triangle to the other's, in radians (h,): above zero where the surface is convex.
+
+        Of triangles that are wound differently, near pi.
+        """
+        one, other = geometry.unit(geometry.area_vectors(vertices, triangles))[self.triangle.T]
+        along = geometry.unit(vertices[self.edge[:, 1]] - vertices[self.edge[:, 0]])
+        sine = np.einsum("hd,hd->h", np.cross(one, other), along)
+        return np.asarray(np.arctan2(sine, np.einsum("hd,hd->h", one, other)))
 
     def bending(self, vertices: Floats, triangles: Ints) -> tuple[sp.csr_array, Floats]:
         """The change of each angle (h, 3 n) as vertex v moves along axis i (column 3 v + i), and its price (h,)."""
@@ -47,12 +52,12 @@ class Hinges(NamedTuple):
         start = vertices[self.edge[:, 0]]
         along = vertices[self.edge[:, 1]] - start
         length2 = np.maximum(np.einsum("hd,hd->h", along, along), np.finfo(np.float64).tiny)
+        heights = 2.0 * area[self.triangle] / length2[:, None]  # over the edge (h, 2)
         slopes = np.zeros((len(along), 4, 3))  # of both ends, and of both third corners
         for side in range(2):
-            height = np.maximum(2.0 * area[self.triangle[:, side]] / np.sqrt(length2), _LOWEST * np.sqrt(length2))
-            slope = normals[self.triangle[:, side]] / height[:, None]
-            foot = np.einsum("hd,hd->h", vertices[self.opposite[:, side]] - start, along) / length2
-            foot = np.clip(foot, -1.0, 2.0)[:, None]
+            height = np.maximum(heights[:, side], 1e-9) * np.sqrt(length2)
+            slope = -normals[self.triangle[:, side]] / height[:, None]
+            foot = (np.einsum("hd,hd->h", vertices[self.opposite[:, side]] - start, along) / length2)[:, None]
             slopes[:, 2 + side] = slope
             slopes[:, 0] -= (1.0 - foot) * slope
             slopes[:, 1] -= foot * slope
@@ -61,4 +66,5 @@ class Hinges(NamedTuple):
         shape = len(along), 3 * len(vertices)
         change = sp.csr_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
         about = area[self.triangle].sum(axis=1)
-        return change, 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean())
+        sliver = np.clip(heights.min(axis=1) / _LOWEST, 1e-9, 1.0) ** 2
+        return change, sliver * 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean())

@@ -46,19 +46,17 @@ class Motions:
         return cls(_directions(normals, free, free[:0]), weights[free])
 
     @classmethod
-    def unseen(
-        cls, vertices: Floats, triangles: Ints, normals: Floats, weights: Floats, movable: Bools
-    ) -> "Motions":
+    def unseen(cls, vertices: Floats, triangles: Ints, normals: Floats, weights: Floats, movable: Bools) -> "Motions":
         """The same, and in any direction at creases; bending costs besides, where the surface is smooth.
 
         Errors: MeshError where parts of the mesh are out of all proportion.
         """
         if len(vertices) > _MOST:
             return cls.along(normals, weights, movable)
-        hinges, face = Hinges.of(triangles), geometry.unit(geometry.area_vectors(vertices, triangles))
-        angle = hinges.angles(face)
+        hinges = Hinges.of(triangles)
+        angle = hinges.angles(vertices, triangles)
         sharp = np.zeros(len(vertices), bool)
-        sharp[hinges.edge[angle > _SHARP]] = True
+        sharp[hinges.edge[np.abs(angle) > _SHARP]] = True
         flat = 1.0 / (1.0 + (roughness(vertices, triangles, hinges) / _FLAT) ** 2)
         change, price = hinges.bending(vertices, triangles)
         price *= np.exp(-((angle / _CREASE) ** 2)) * (_STIFFNESS + _FLAT_STIFFNESS * flat[hinges.triangle].prod(axis=1))
@@ -79,11 +77,6 @@ class Motions:
             return np.asarray(pulls / self._mass)
         return np.asarray(self._factor.solve(np.ascontiguousarray(pulls.T)).T)
 
-    def vectors(self, motions: Floats) -> Floats:
-        """Motions (..., d) as vectors of the vertices (..., n, 3)."""
-        flat = self.directions @ motions.reshape(-1, motions.shape[-1]).T
-        return np.asarray(flat.T).reshape(*motions.shape[:-1], -1, 3)
-
 
 def roughness(vertices: Floats, triangles: Ints, hinges: Hinges) -> Floats:
     """How far from smooth the surface is around each triangle (m,): one minus the length of the mean unit normal.
@@ -94,7 +87,7 @@ def roughness(vertices: Floats, triangles: Ints, hinges: Hinges) -> Floats:
     vectors = geometry.area_vectors(vertices, triangles)
     weight = np.linalg.norm(vectors, axis=1)
     one, other = hinges.triangle.T
-    link = np.exp(-((hinges.angles(geometry.unit(vectors)) / _CREASE) ** 2))
+    link = np.exp(-((hinges.angles(vertices, triangles) / _CREASE) ** 2))
     ends = np.concatenate([one, other]), np.concatenate([other, one])
     neighbours = sp.csr_array((np.concatenate([link, link]), ends), shape=(len(triangles), len(triangles)))
     for _ in range(_RINGS):

@@ -74,17 +74,16 @@ class Solid:
         return sums[: len(self.movable)] / 3.0
 
 
-def normal_square(solid: Solid, directions: Floats) -> sp.csr_array:
-    """The form P (n_mesh, n_mesh) of motions along ``directions`` (n_mesh, 3): d' P d is a mean square.
+def normal_square(solid: Solid, directions: sp.csr_array) -> sp.csr_array:
+    """The form P (d, d) of motions made up of ``directions`` (3 n_mesh, d), row 3 v + i for axis i of vertex v.
 
-    d (n_mesh,) says how far each vertex goes; the mean is that of `geometry.normal_rms`, over the surface without fans.
+    x' P x is a mean square: that of `geometry.normal_rms`, over the surface without fans.
     """
-    n = len(solid.movable)
-    real = (solid.triangles < n).all(axis=1)
+    real = (solid.triangles < len(solid.movable)).all(axis=1)
     triangles, size = solid.triangles[real], solid.areas[real]
     face = geometry.unit(solid.area_vectors[real])
-    speed = np.einsum("mcd,md->mc", directions[triangles], face)  # of each corner, along the triangle's normal
-    weight = (1.0 + np.eye(3)) / 12.0  # the mean over a triangle of the product of two corners' hat functions
-    entries = np.einsum("m,ma,mb,ab->mab", size / size.sum(), speed, speed, weight)
-    rows, columns = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, 3).ravel()
-    return sp.coo_array((entries.ravel(), (rows, columns)), shape=(n, n)).tocsr()
+    columns = (3 * triangles[:, :, None] + np.arange(3)).ravel()
+    rows, entries = np.repeat(np.arange(triangles.size), 3), np.repeat(face, 3, axis=0).ravel()
+    speed = sp.csr_array((entries, (rows, columns)), shape=(triangles.size, directions.shape[0])) @ directions
+    hats = (1.0 + np.eye(3)) / 12.0  # the mean over a triangle of the product of two corners' hat functions
+    return speed.T @ (sp.kron(sp.diags_array(size / size.sum()), hats, format="csr") @ speed)

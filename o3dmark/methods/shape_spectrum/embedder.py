@@ -1,10 +1,10 @@
 """Moving a surface so that its projections take given values: the least motion, by Newton's method.
 
-The answer of the projections to the motion of each vertex along its normal has two parts: that of the projections in a
-fixed frame, and that of the frame, which is derived from the mesh and moves with it.
+The answer of the projections to the motion of a vertex has two parts: that of the projections in a fixed frame, and
+that of the frame, which is derived from the mesh and moves with it. What a motion costs is told by `motion.metric`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from o3dmark.mesh.surface import Surface
 from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
 from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.projections import Projections
+from o3dmark.motion.metric import Motions
 from o3dmark.solid.frame import FrameFormat, rules
 from o3dmark.solid.quadrature import samples
 from o3dmark.solid.solid import Solid, normal_square
@@ -38,12 +39,21 @@ class Cover:
     """A mesh about to be marked, with its solid: its frame, its projections, and what it costs to change them.
 
     ``mask`` (n,) above zero says where motion is welcome: twice the mask, twice the motion for the same pull.
+    ``unseen``: whether motions that show cost more than others. Of the d directions in which vertices may go (see
+    `Motions`) motions are made up.
     """
 
     def __init__(
-        self, projections: Projections, surface: Surface, solid: Solid, form: FrameFormat, mask: Floats | None = None
+        self,
+        projections: Projections,
+        surface: Surface,
+        solid: Solid,
+        form: FrameFormat,
+        mask: Floats | None = None,
+        *,
+        unseen: bool = True,
     ) -> None:
-        self.projections, self.surface, self.solid = projections, surface, solid
+        self.projections, self.surface, self.solid, self._unseen = projections, surface, solid, unseen
         self._mask = np.ones(len(surface.vertices)) if mask is None else mask
         self.rule = rules(self.solid, form)[0]
         self.frame = self.rule.frames(self.solid)[0]
@@ -59,30 +69,42 @@ class Cover:
         return Comb(self.values, wanted, self.projections.dither, self.metric, self.lattice)
 
     @cached_property
+    def motions(self) -> Motions:
+        """How vertices may move, as seen in the frame, and what it costs; those of the fans stay where they are.
+
+        The square of a vertex's motion counts with its area, so that the RMS motion is small; less where the mask is.
+        """
+        area, normals, movable = self._seen.vertex_areas, self.frame.directions(self.normals), self.solid.movable
+        weights = np.maximum(area, _MIN_AREA_SHARE * area.mean()) / self._mask
+        if not self._unseen:
+            return Motions.along(normals, weights, movable)
+        n = len(movable)
+        triangles = self._seen.triangles[(self._seen.triangles < n).all(axis=1)]
+        return Motions.unseen(self._seen.vertices[:n], triangles, normals, weights, movable)
+
+    @cached_property
     def jacobian(self) -> Floats:
-        """Change of each projection as each vertex moves by one unit of the frame along its normal: (K, n)."""
-        frame = self.rule.response(self.solid, self.frame, self.normals)
-        return self._fixed_frame + (self.projections(self._spectrum.frame_derivative()).T @ frame) * self.solid.movable
+        """Change of each projection as vertices go by one unit of the frame in each of the directions: (K, d)."""
+        frame = self.projections(self._spectrum.frame_derivative()).T
+        axes = (np.broadcast_to(axis, self.normals.shape) for axis in self.frame.axes)
+        return self._fixed_frame + self._per_direction(
+            frame @ self.rule.response(self.solid, self.frame, axis) for axis in axes
+        )
 
     @cached_property
     def _fixed_frame(self) -> Floats:
         """The same if the frame stayed where it is."""
-        normals = self.frame.directions(self.normals)
-        return _jacobian_in_frame(self.projections, self._seen, normals) * self.solid.movable
+        return self._per_direction(_jacobians_in_frame(self.projections, self._seen))
 
-    @cached_property
-    def _mobility(self) -> Floats:
-        """How far a vertex goes for a given pull (n,): the inverse of its area, so that the RMS motion is the least.
-
-        The mask multiplies it; the fans' vertices do not move.
-        """
-        area = self._seen.vertex_areas
-        inverse = self._mask / np.maximum(area, _MIN_AREA_SHARE * area.mean())
-        return np.where(self.solid.movable, inverse, 0.0)
+    def _per_direction(self, answers: Iterable[Floats]) -> Floats:
+        """The answers (K, d) to the directions, from those (K, n) to motions along each axis of the frame."""
+        directions = self.motions.directions
+        parts = (each @ directions[axis::3] for axis, each in enumerate(answers))
+        return np.asarray(sum(parts, np.zeros((len(self.values), directions.shape[1]))))
 
     @property
     def _pulls(self) -> Floats:
-        """The functions (K, n) that motions are mixed from; the jacobian itself gives the least motion.
+        """The functions (K, d) that motions are made of; the jacobian itself gives the cheapest motion.
 
         In an area frame it is as rough as the curvature, and creases would fly apart: there, the part of a fixed frame
         is taken, which is smooth.
@@ -91,17 +113,30 @@ class Cover:
 
     @cached_property
     def basis(self) -> Floats:
-        """How far each vertex goes along its normal, in the mesh's unit, to change one projection by one: (K, n).
+        """How far to go in each direction, in the mesh's unit, to change one projection by one: (K, d).
 
         To first order, and without changing the other projections.
         """
-        mixing = np.linalg.inv((self.jacobian * self._mobility) @ self._pulls.T)
-        return np.asarray(self.frame.scale * self._mobility * (mixing.T @ self._pulls))
+        least = self.motions.least(self._pulls)
+        return np.asarray(self.frame.scale * (np.linalg.inv(self.jacobian @ least.T).T @ least))
+
+    @cached_property
+    def directions(self) -> sp.csr_array:
+        """Those of `motions`, in the mesh's axes: (3 n, d)."""
+        return sp.kron(sp.eye_array(len(self.normals)), self.frame.axes.T, format="csr") @ self.motions.directions
+
+    @cached_property
+    def along_normals(self) -> Floats:
+        """The part along the vertices' normals of the motion for each projection: (K, n)."""
+        n = len(self.normals)
+        columns = (np.repeat(np.arange(n), 3), np.arange(3 * n))
+        ways = sp.csr_array((self.normals.ravel(), columns), shape=(n, 3 * n))
+        return np.asarray((ways @ self.directions @ self.basis.T).T)
 
     @cached_property
     def metric(self) -> Floats:
         """Q (K, K): a change r of the projections takes a mean square motion of r' Q r, in the mesh's own unit."""
-        return np.asarray(self.basis @ normal_square(self.solid, self.normals) @ self.basis.T)
+        return np.asarray(self.basis @ normal_square(self._seen, self.motions.directions) @ self.basis.T)
 
     @cached_property
     def lattice(self) -> Lattice:
@@ -113,7 +148,7 @@ class Cover:
 
     def moved(self, change: Floats) -> Floats:
         """Vertices (n, 3) after the motion for a ``change`` (K,) of the projections, to first order."""
-        return np.asarray(self.surface.vertices + (change @ self.basis)[:, None] * self.normals)
+        return np.asarray(self.surface.vertices + (self.directions @ (change @ self.basis)).reshape(-1, 3))
 
     def size(self, change: Floats) -> float:
         """RMS of the motion that `moved` makes, as `geometry.normal_rms` has it."""
@@ -165,15 +200,17 @@ def least_motion(cover: Cover, plans: Iterable[Plan], limit: float, reads: Calla
     return None
 
 
-def _jacobian_in_frame(projections: Projections, seen: Solid, normals: Floats) -> Floats:
-    """Change of the projections (K, n) in a fixed frame: the integral of each function times a vertex's motion."""
+def _jacobians_in_frame(projections: Projections, seen: Solid) -> Iterator[Floats]:
+    """Change of the projections (K, n) as each vertex moves along x, y and z: the integral of each function there."""
     n = len(seen.movable)
     if len(seen.triangles) > _LUMPED_TRIANGLES:
-        lumped = np.einsum("vd,vd->v", seen.vertex_area_vectors, normals)
-        return projections.functions(seen.vertices[:n]) * lumped
+        functions = projections.functions(seen.vertices[:n])
+        yield from (functions * seen.vertex_area_vectors[:, axis] for axis in range(3))
+        return
     q = samples(seen, LONGEST_EDGE * projections.band.shortest)
-    mine = q.corners < n
-    speed = np.einsum("qd,qcd->qc", q.area_vectors, normals[np.where(mine, q.corners, 0)]) * q.weights
-    place = np.broadcast_to(np.arange(len(q.points))[:, None], q.corners.shape)
-    hats = sp.csr_array((speed[mine], (place[mine], q.corners[mine])), shape=(len(q.points), n))
-    return np.asarray((hats.T @ projections.functions(q.points).T).T)
+    mine, place = q.corners < n, np.broadcast_to(np.arange(len(q.points))[:, None], q.corners.shape)
+    functions = projections.functions(q.points)
+    for axis in range(3):
+        speed = q.area_vectors[:, axis, None] * q.weights
+        hats = sp.csr_array((speed[mine], (place[mine], q.corners[mine])), shape=(len(q.points), n))
+        yield np.asarray((hats.T @ functions.T).T)

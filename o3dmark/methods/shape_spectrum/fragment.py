@@ -21,9 +21,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from o3dmark.arrays import Floats
+from o3dmark.arrays import Floats, Ints
 from o3dmark.mesh import fragments, geometry, similarity
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
@@ -111,6 +112,13 @@ class _CoverModel:
         for _ in range(passes):
             vertices = vertices + _MODE_STRENGTH * (self.surface.neighbour_mean @ vertices - vertices)
         return np.einsum("nd,nd->n", vertices - self.surface.vertices, self.normals)
+
+    def answers(self, corners: Ints, ways: Floats) -> Floats:
+        """Change (q, K) of q values, each the sum of the motions of three vertices (q, 3) along vectors (q, 3, 3)."""
+        columns = (3 * corners[:, :, None] + np.arange(3)).ravel()
+        place = np.repeat(np.arange(len(corners)), 9), columns
+        shape = len(corners), self.cover.directions.shape[0]
+        return np.asarray(sp.csr_array((ways.ravel(), place), shape=shape) @ self.cover.directions @ self.cover.basis.T)
 
     def prior(self, step: float) -> Floats:
         """The inverse (K, K) of the covariance of the changes to be expected at a step: Q times K over their size."""
@@ -220,8 +228,9 @@ def _correspondences(model: _CoverModel, change: Floats, aligned: _Points, modes
     kept &= np.einsum("qd,qd->q", aligned.normals, face) > _MIN_COSINE
     kept &= model.cover.solid.movable[corners].all(axis=1)
     normal, corners, points = normal[kept], corners[kept], aligned.positions[kept]
-    speed = share[kept] * np.einsum("qcd,qd->qc", model.normals[corners], normal)
-    functions, smoothing = (np.einsum("qc,qck->qk", speed, f.T[corners]) for f in (model.cover.basis, modes))
+    ways = share[kept][:, :, None] * normal[:, None, :]  # how the distance of a point answers to its triangle's corners
+    smoothing = np.einsum("qc,qck->qk", np.einsum("qcd,qcd->qc", model.normals[corners], ways), modes.T[corners])
+    functions = model.answers(corners, ways)
     centre = points.sum(axis=0) / max(1, len(points))
     motions = similarity.motions(points - centre, normal)
     return _Correspondences(np.einsum("qd,qd->q", offset[kept], normal), functions, motions, smoothing, centre)

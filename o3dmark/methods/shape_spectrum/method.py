@@ -92,6 +92,9 @@ class ShapeSpectrum(Method):
     format: Literal["2026"] = option("2026", "what else writer and reader agree on")
     slack: float = option(0.04, "how far from its codeword a value may stay, in steps, where that buys a longer step")
     mask: Literal["none", "saliency"] = option("none", "where the surface moves more: nowhere, or where it is salient")
+    motion: Literal["unseen", "least"] = option(
+        "unseen", "how the surface moves: so that smooth stays smooth and flat flat, or as little as possible"
+    )
     search: bool = option(True, "let the reader fit the frame and undo smoothing")
 
     def __post_init__(self) -> None:
@@ -110,7 +113,7 @@ class ShapeSpectrum(Method):
     @property
     def sight(self) -> "ShapeSpectrum":
         """See `Method.sight`: the band decides what is observed; how far it is looked into is up to the reader."""
-        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none", search=True)
+        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none", motion="unseen", search=True)
 
     @property
     def takes_reference(self) -> bool:
@@ -189,7 +192,8 @@ class ShapeSpectrum(Method):
         if n_bits > (fits := _room(solid)):
             raise CapacityError(n_bits, fits, f"{_VERTICES_PER_BIT} vertices off the boundary a bit")
         mask = None if self.mask == "none" else _mask(surface)
-        return Cover(self.projections(key, n_bits), surface, solid, FORMATS[self.format].frame, mask)
+        form, unseen = FORMATS[self.format].frame, self.motion == "unseen"
+        return Cover(self.projections(key, n_bits), surface, solid, form, mask, unseen=unseen)
 
     def decoder(self, n_bits: int, key: Key) -> Decoder:
         """What reads a key's bits from the hypotheses about any mesh."""

@@ -1,6 +1,6 @@
 """A mixture of copies beside the cover: as vectors, of which `coding.collusion` asks who took part.
 
-Every copy moves the cover along its normals by a combination of K known functions. A copy's vector has the
+Every copy moves the cover by a combination of K known motions. A copy's vector has the
 coefficients, in coordinates in which its length is the RMS motion; directions are about uniform there, since the writer
 takes, of all combinations that say the bits, one of the shortest. A mean of copies has the mean of their vectors, and
 so, about, have a median and a vertex-wise mix. What was put together of pieces has, in a patch of the surface, the
@@ -56,13 +56,18 @@ class Remade:
     @cached_property
     def functions(self) -> Floats:
         """The functions (K, n) that motions along the normals are mixed from, orthonormal over the surface."""
-        return np.asarray(np.linalg.solve(self._root, self.cover.basis), np.float64)
+        return np.asarray(np.linalg.solve(self._root, self.cover.along_normals), np.float64)
+
+    def coordinates(self, vertex: Ints, axis: Ints) -> Floats:
+        """How coordinates (q,) of vertices answer to those functions: (q, K)."""
+        motions = self.cover.directions[3 * vertex + axis] @ self.cover.basis.T
+        return np.asarray(np.linalg.solve(self._root, motions.T).T)
 
     @cached_property
     def _root(self) -> Floats:
         """L (K, K): a change c of the projections moves the surface by a mean square of c' L L' c."""
-        basis = self.cover.basis
-        return np.asarray(np.linalg.cholesky((basis * self.area) @ basis.T / self.area.sum()))
+        functions = self.cover.along_normals
+        return np.asarray(np.linalg.cholesky((functions * self.area) @ functions.T / self.area.sum()))
 
 
 def mixture(received: Surface, copies: Remade, progress: Progress) -> Mixture:
@@ -83,7 +88,7 @@ def mixture(received: Surface, copies: Remade, progress: Progress) -> Mixture:
     vectors = copies.vectors(progress)
     found = (_patch(motion, functions, area * patch, vectors, cover) for patch in _patches(cover))
     patches = tuple(each for each in found if each is not None)
-    return Mixture(patches, _matches(there, functions, vectors, cover))
+    return Mixture(patches, _matches(there, vectors, copies))
 
 
 def _counterparts(received: Surface, cover: Cover) -> Ints | None:
@@ -95,20 +100,19 @@ def _counterparts(received: Surface, cover: Cover) -> Ints | None:
     return match if len(np.unique(match)) == len(here) else None
 
 
-def _matches(there: Floats, functions: Floats, vectors: Floats, cover: Cover) -> Matches:
+def _matches(there: Floats, vectors: Floats, copies: Remade) -> Matches:
     """How many coordinates of vertices ``there`` (n, 3), as they came, are those of each copy, and of chance."""
     rng = np.random.default_rng(0)
     some = rng.permutation(len(there))[:_COUNTED]
-    vertex, axis = np.nonzero(np.abs(cover.normals[some]) > _LEAST_SLOPE)
+    vertex, axis = np.nonzero(np.abs(copies.cover.normals[some]) > _LEAST_SLOPE)
     vertex = some[vertex]
     length = float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
     limit, here = _MATCHED * length, there[vertex, axis]
-    directions = geometry.unit(rng.standard_normal((_CHANCE, len(functions)))) * length
-    start, slope, motions = cover.surface.vertices[vertex, axis] - here, cover.normals[vertex, axis], functions[:, some]
-    place = np.argsort(some)[np.searchsorted(np.sort(some), vertex)]
+    directions = geometry.unit(rng.standard_normal((_CHANCE, vectors.shape[1]))) * length
+    start, motions = copies.cover.surface.vertices[vertex, axis] - here, copies.coordinates(vertex, axis)
 
     def counts(moved: Floats) -> Floats:
-        found = [np.count_nonzero(np.abs(start + (each @ motions)[place] * slope) < limit) for each in moved]
+        found = [np.count_nonzero(np.abs(start + motions @ each) < limit) for each in moved]
         return np.array(found, np.float64)
 
     return Matches(counts(vectors), counts(directions))
