@@ -68,17 +68,35 @@ def any_mesh(result: Results) -> Lines:
     return ["", "every bit read", "not"], lines
 
 
-def edits(result: Results) -> Lines:
-    """How many messages are read after each edit, and how many marks are found by who knows them; where one is not."""
+def edits(blindly: Sequence[Results], beside: Sequence[Results]) -> Lines:
+    """How many messages are read after each edit, blindly and beside the cover, and how many marks are found by who
+    knows them; on which meshes not."""
     lines = []
-    for group, condition in [(UNTOUCHED, "-"), *result.conditions]:
-        read = [row for who in result.entries for row in result.of(who, group, condition) if row.failure is None]
-        known = sum(row.log10_p_best is not None and row.log10_p_best <= KNOWN for row in read)
-        missed = Counter(inline(row.mesh) for row in read if not row.message_ok)
-        others = ", ".join(f"{mesh} {count}" for mesh, count in missed.items())
-        name = group if group == UNTOUCHED else condition
-        lines.append([inline(name), _share(read, "message_ok"), f"{known} of {len(read)}", others])
-    return ["edit", "message read", "mark found", "not read on"], lines
+    for result in blindly:
+        for group, condition in [(UNTOUCHED, "-"), *result.conditions]:
+            if group == UNTOUCHED and result is not blindly[0]:
+                continue
+            read = _read(result, group, condition)
+            known = sum(row.log10_p_best is not None and row.log10_p_best <= KNOWN for row in read)
+            missed = Counter(inline(row.mesh) for row in read if not row.message_ok)
+            others = ", ".join(f"{mesh} {count}" for mesh, count in missed.items())
+            near = [row for each in beside for row in _read(each, group, condition)]
+            name = inline(group if group == UNTOUCHED else condition)
+            lines.append(
+                [
+                    name,
+                    _share(read, "message_ok"),
+                    f"{known} of {len(read)}",
+                    others,
+                    _share(near, "message_ok") if near else "–",
+                ]
+            )
+    return ["edit", "message read", "mark found", "not read on", "read beside the cover"], lines
+
+
+def _read(result: Results, group: str, condition: str) -> list[Row]:
+    """The readings of a condition that came about."""
+    return [row for who in result.entries for row in result.of(who, group, condition) if row.failure is None]
 
 
 def attack_sweep(directory: Path) -> Lines:

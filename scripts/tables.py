@@ -40,6 +40,7 @@ RESULTS = ROOT / "results"
 BLOCK = re.compile(r"(<!-- table: ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 SPECTRUM = ("shape_spectrum", "shape_spectrum_small")
 CONTROL_FOLDERS = ("false_positives", "false_positives_single")
+EDITS = ("edits", "edits_of_parts", "edits_beside")  # the last beside the cover
 PROFILES = {  # tables of the same kind
     "64 bits in small meshes": ("shape_spectrum_64",),
     "slender results": ("slender", "slender_small"),
@@ -310,6 +311,11 @@ def summary_table() -> str:
     return grid([table.head[column] for column in (0, 1, *shown)], cells)
 
 
+def edits_table() -> str:
+    blindly, beside = map(results, EDITS[:2]), map(results, EDITS[2:])
+    return grid(*counts.edits([*blindly], [*beside]), left=4)
+
+
 def attack_sweep_table() -> str:
     return grid(*counts.attack_sweep(RESULTS / "attack_sweep"))
 
@@ -340,7 +346,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "messages": (lambda: grid(*counts.messages(results("paper"))), ("paper",)),
     "wrong keys": (lambda: grid(*counts.wrong_keys([*map(results, CONTROL_FOLDERS)]), left=4), CONTROL_FOLDERS),
     "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
-    "edits": (lambda: grid(*counts.edits(results("edits")), left=4), ("edits",)),
+    "edits": (edits_table, EDITS),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),
     **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},
 }

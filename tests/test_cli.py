@@ -177,6 +177,12 @@ def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any,
     words = (folder / "cover.ply", folder / "marked.ply", "--scalars", "distance")
     assert run(capsys, "view", *words, "--png", png, "--json")[0] == 0
     assert png.read_bytes().startswith(b"\x89PNG")
+    mirror = png.with_stem("mirror")
+    assert run(capsys, "view", *words[:2], "--png", mirror, "--zebra", "--json")[0] == 0
+    assert mirror.read_bytes() != png.read_bytes()
+    for wrong in (words, words[:2]):
+        code, result, _ = run(capsys, "view", *wrong, "--zebra", "--json")
+        assert (code, result["error"]) == (2, "SpecError")
     code, result, _ = run(capsys, "view", *words, "--json")
     assert (code, result["error"]) == (3, "BackendError")
 

@@ -71,6 +71,29 @@ def test_colours_follow_scalars(sphere):
     assert right.sum() > left.sum()
 
 
+def test_a_mirror_shows_level_stripes_and_kinks_them_where_normals_turn(sphere):
+    stripes = render(sphere, look="zebra", camera=FRONT, size=(120, 120))[:, :, 0].astype(float)
+    column = stripes[20:100, 60]
+    assert column.min() < 90
+    assert column.max() > 230
+    assert np.count_nonzero(np.diff(column > 160)) > 8
+    assert np.abs(stripes[:, 59] - stripes[:, 60]).mean() < 5  # level about the middle
+    vertices, triangles = mesh_arrays(sphere)
+    bumpy = triangle_mesh(vertices * (1.0 + 0.004 * np.sin(25.0 * vertices[:, :1])), triangles)
+    clay, mirror = (
+        np.abs(
+            render(sphere, look=look, size=(160, 120)) - render(bumpy, look=look, size=(160, 120)).astype(float)
+        ).mean()
+        for look in ("clay", "zebra")
+    )
+    assert mirror > 5 * clay
+
+
+def test_a_mirror_has_no_scalars(sphere):
+    with pytest.raises(ValueError, match="no scalars"):
+        render(sphere, np.zeros(len(sphere.vertices)), look="zebra")
+
+
 def test_limits_and_colormap_are_those_asked_for(sphere):
     ones = np.ones(len(sphere.vertices))
     low, high = (render(sphere, ones, limits=limits, size=SMALL)[36, 48].astype(int) for limits in ((1, 2), (0, 1)))

@@ -35,7 +35,7 @@ def shifted(mesh: TriangleMesh, length: float) -> TriangleMesh:
     return triangle_mesh(vertices, triangles)
 
 
-def test_the_comparison_sheet_shows_five_different_pictures(spot):
+def test_the_comparison_sheet_shows_seven_different_pictures(spot):
     marked = shifted(spot, 0.002)
     attacked = TriangleMesh(marked).scale(3.0, np.zeros(3)).rotate(o3d.geometry.get_rotation_matrix_from_xyz([1, 2, 3]))
     saliency = np.asarray(spot.vertices)[:, 1]
@@ -44,12 +44,12 @@ def test_the_comparison_sheet_shows_five_different_pictures(spot):
     )
     assert picture.shape[1:] == (480, 3)
     assert picture.dtype == np.uint8
-    rows, columns = (picture.shape[0] - 20) // 2, 480 // 3
-    cells = [picture[20 + rows * r :][:rows, columns * c :][:, :columns] for r in (0, 1) for c in (0, 1, 2)]
-    for cell in cells[:5]:
+    rows, columns = (picture.shape[0] - 20) // 3, 480 // 3
+    cells = [picture[20 + rows * r :][:rows, columns * c :][:, :columns] for r in (0, 1, 2) for c in (0, 1, 2)]
+    for cell in cells[:7]:
         assert 0.1 < covered(cell).mean() < 0.9
-    assert 0 < covered(cells[5]).mean() < 0.1  # the notes
-    for one, other in itertools.combinations(cells[:5], 2):
+    assert 0 < covered(cells[7]).mean() < 0.1  # the notes
+    for one, other in itertools.combinations(cells[:7], 2):
         assert (one != other).any(axis=2).mean() > 0.01
 
 
@@ -57,8 +57,9 @@ def test_the_displacement_panel_says_what_it_draws(spot, monkeypatch):
     panels = panels_of(monkeypatch)
     diagonal = geometry.diagonal(mesh_arrays(spot)[0])
     comparison_sheet(spot, shifted(spot, 1e-4 * diagonal), spot)
-    assert [panel.title for panel in panels] == ["Original", "Marked", "Displacement", "Attacked"]
-    _, marked, displacement, attacked = panels
+    mirrors = ["Original, as a mirror", "Marked, as a mirror"]
+    assert [panel.title for panel in panels] == ["Original", "Marked", "Displacement", *mirrors, "Attacked"]
+    marked, displacement, attacked = panels[1], panels[2], panels[5]
     assert "0.1 · 10⁻³" in marked.caption
     assert displacement.caption == "drawn 100 times as large as it is"
     np.testing.assert_allclose(displacement.scalars[:2], [0.1, 0.0], rtol=1e-9)

@@ -82,6 +82,7 @@ def view(
     meshes: Annotated[list[Path], typer.Argument(metavar="MESH...", help="One or more meshes.")],
     scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
+    zebra: Annotated[bool, typer.Option("--zebra", help="As mirrors under light tubes; in a picture only.")] = False,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -89,6 +90,8 @@ def view(
     from o3dmark.files import check_free, read_mesh
     from o3dmark.view import Panel, save_png, sheet, show
 
+    if zebra and (png is None or scalars is not None):
+        raise SpecError("--zebra is for pictures, without scalars: give --png FILE" + " alone" * (scalars is not None))
     if png is not None:
         check_free(png, *meshes, overwrite=overwrite)
     shapes = [read_mesh(path) for path in meshes]
@@ -97,7 +100,7 @@ def view(
         show(shapes, values)
     else:
         panels = [
-            Panel(path.name, shape, scalars=value, bar=scalars or "")
+            Panel(path.name, shape, scalars=value, bar=scalars or "", look="zebra" if zebra else "clay")
             for path, shape, value in zip(meshes, shapes, values, strict=True)
         ]
         save_png(png, sheet(panels, columns=min(len(panels), 3)))

@@ -34,7 +34,7 @@ def comparison_sheet(
     camera: Camera = THREE_QUARTER,
     width: int = 1600,
 ) -> Image:
-    """Original, saliency, marked, displacement and attacked side by side: (h, width, 3).
+    """Original, marked, saliency, both as mirrors, displacement and attacked, side by side: (h, width, 3).
 
     saliency: one number a vertex of the cover; its panel is left out without. The displacement panel is coloured by the
     displacement's length and drawn at cover + ``exaggeration`` * (marked - cover), by default as much as makes it
@@ -49,6 +49,8 @@ def comparison_sheet(
         Panel(
             "Marked", marked, f"no vertex moved by more than {lengths.max():.2g} · 10⁻³ of the diagonal", frame=original
         ),
+    ]
+    others = [
         Panel(
             "Displacement",
             exaggerated,
@@ -63,8 +65,13 @@ def comparison_sheet(
     ]
     if saliency is not None:
         values = checked_scalars(saliency, len(lengths))
-        panels.insert(1, Panel("Saliency", original, "where the eye is drawn to", values, "mesh saliency"))
-    return sheet(panels, title=title, notes=notes, columns=3 if len(panels) > 4 else 2, camera=camera, width=width)
+        others.insert(0, Panel("Saliency", original, "where the eye is drawn to", values, "mesh saliency"))
+    mirrors = [
+        Panel("Original, as a mirror", original, "under light tubes", look="zebra"),
+        Panel("Marked, as a mirror", marked, "stripes would wave where the mark shows", frame=original, look="zebra"),
+    ]
+    panels += [others[0], *mirrors, *others[1:]]  # the mirrors stand under what they are of
+    return sheet(panels, title=title, notes=notes, columns=3, camera=camera, width=width)
 
 
 def distance_sheet(

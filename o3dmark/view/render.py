@@ -8,7 +8,7 @@ meshes are moved to the origin and scaled to size one first; nothing is measured
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import open3d as o3d
@@ -20,9 +20,10 @@ from o3dmark.mesh import geometry
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import checked_scalars, colour_limits, colours
 from o3dmark.view.model import Model, n_vertices, positions, shape_of
-from o3dmark.view.shading import Hits, open_sky, scene_of, shade
+from o3dmark.view.shading import Hits, open_sky, scene_of, shade, zebra
 
 Image = NDArray[np.uint8]
+Look: TypeAlias = Literal["clay", "zebra"]
 
 SAMPLES = 2  # rays a pixel along each side, so that edges are smooth
 MATERIAL = np.array([0.80, 0.765, 0.72])  # sRGB: a warm grey, like clay
@@ -38,17 +39,21 @@ def render(
     limits: tuple[float, float] | None = None,
     colormap: str = "viridis",
     frame: Any = None,
+    look: Look = "clay",
 ) -> Image:
     """Picture (h, w, 3) of an Open3D triangle mesh or point cloud on white; ``size`` is (w, h) in pixels.
 
     scalars: one number a vertex (or point), shown as colours of a matplotlib ``colormap`` that spans ``limits``, by
     default the 2nd to the 98th percentile. frame: the mesh that the camera is fitted to, so that several are drawn
-    alike; by default this one. The mesh's own colours are not drawn. The same call gives the same picture.
+    alike; by default this one. look: clay, or zebra, a mirror under light tubes, whose stripes show what clay hides;
+    it has no scalars. The mesh's own colours are not drawn. The same call gives the same picture.
     Errors: MeshError when there is nothing to draw or the scalars do not fit; SpecError for an unknown colormap.
     """
     width, height = size
     if width < 1 or height < 1:
         raise ValueError(f"a picture of {width} x {height} pixels has no pixel")
+    if look == "zebra" and scalars is not None:
+        raise ValueError("a zebra view has no scalars")
     shape = shape_of(mesh)
     fit = positions(shape if frame is None else shape_of(frame))
     centre, to_camera = geometry.box_centre(fit), camera.axes.T / (geometry.diagonal(fit) or 1.0)
@@ -59,8 +64,9 @@ def render(
     material = MATERIAL
     if values is not None and hits.scalars is not None:
         material = colours(hits.scalars, limits or colour_limits(values), colormap)
+    light = zebra(hits) if look == "zebra" else shade(hits, open_sky(scene, hits), material**GAMMA)
     picture = np.ones((SAMPLES * height, SAMPLES * width, 3), np.float32)
-    picture[hits.row, hits.column] = shade(hits, open_sky(scene, hits), material**GAMMA).clip(0, 1) ** (1 / GAMMA)
+    picture[hits.row, hits.column] = light.clip(0, 1) ** (1 / GAMMA)
     pixels = picture.reshape(height, SAMPLES, width, SAMPLES, 3).mean(axis=(1, 3))
     return np.round(255 * pixels).astype(np.uint8)
 

@@ -21,6 +21,9 @@ FILL, FILL_COLOUR = (0.863, 0.05, 0.503), 0.16 * np.array([0.93, 0.97, 1.0], np.
 SKY_COLOUR = 0.46 * np.array([0.98, 0.99, 1.0], np.float32)
 GROUND_COLOUR = 0.26 * np.array([1.0, 0.97, 0.93], np.float32)
 GLOSS, GLOSS_EXPONENT = 0.05, 30.0
+STRIPES = 14  # light tubes from the ground to the zenith, that a zebra view reflects
+EDGE = 0.12  # of a stripe's width, over which it goes from dark to light
+DARK, LIGHT = 0.02, 0.9
 
 
 def scene_of(model: Model) -> o3d.t.geometry.RaycastingScene:
@@ -90,6 +93,18 @@ def shade(hits: Hits, sky: Float32s, material: Floats) -> Float32s:
     gloss = GLOSS * _dot(hits.normals, _unit(hits.to_eye + np.array(KEY, np.float32))).clip(0) ** GLOSS_EXPONENT
     light = near * (key * KEY_COLOUR + fill * FILL_COLOUR) + sky[:, None] * ambient
     return np.asarray(light * material.astype(np.float32) + near * gloss[:, None])
+
+
+def zebra(hits: Hits) -> Float32s:
+    """Linear light (k, 3) of a mirror under level light tubes: stripes, whose kinks are creases and whose waves bumps.
+
+    Source: Klass 1980, Correction of local surface irregularities using reflection lines.
+    """
+    reflected = 2.0 * _dot(hits.normals, hits.to_eye)[:, None] * hits.normals - hits.to_eye
+    height = np.arcsin(reflected[:, 1].clip(-1.0, 1.0)) / np.pi + 0.5
+    wave = np.sin(2.0 * np.pi * STRIPES * height)
+    light = DARK + (LIGHT - DARK) * (0.5 + 0.5 * wave / np.maximum(np.abs(wave), np.sin(np.pi * EDGE)))
+    return np.asarray(np.repeat(light[:, None], 3, axis=1), np.float32)
 
 
 def _sky_directions(n: int) -> Float32s:

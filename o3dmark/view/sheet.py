@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from o3dmark.arrays import Floats
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import beyond, colour_limits
-from o3dmark.view.render import Image, render
+from o3dmark.view.render import Image, Look, render
 
 CELL, PICTURE = 500, 375  # width and height of a picture in units of the layout; all its lengths are in these
 HEAD, FOOT = 62, 74  # heights above a picture, for title and caption, and below it, for the colour bar
@@ -29,7 +29,7 @@ CAPTION_LENGTH, NOTE_LENGTH = 66, 46  # characters that a line has room for
 class Panel:
     """One picture of a sheet: a mesh under a title; with ``scalars``, a colour bar whose quantity ``bar`` names.
 
-    scalars, limits, colormap and frame are as in `render`.
+    scalars, limits, colormap, frame and look are as in `render`.
     """
 
     title: str
@@ -40,6 +40,7 @@ class Panel:
     limits: tuple[float, float] | None = None
     colormap: str = "viridis"
     frame: Any = None
+    look: Look = "clay"
 
 
 def render_scalars(
@@ -134,6 +135,7 @@ class _Canvas:
             limits=limits,
             colormap=panel.colormap,
             frame=panel.frame,
+            look=panel.look,
         )
         bottom = self.height - round((y + HEAD) * self.unit) - len(image)
         self.figure.figimage(image, round(x * self.unit), bottom, origin="upper")
