@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import fmean
 
 from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
@@ -97,6 +98,39 @@ def edits(blindly: Sequence[Results], beside: Sequence[Results]) -> Lines:
 def _read(result: Results, group: str, condition: str) -> list[Row]:
     """The readings of a condition that came about."""
     return [row for who in result.entries for row in result.of(who, group, condition) if row.failure is None]
+
+
+def motions(result: Results, *, before: str, after: str) -> Lines:
+    """What shows of marks that move the surface in two ways, mean over keys, and how many readings had every bit."""
+    kinds = {
+        "MSDM": ("msdm", 1.0, 3),
+        "planes tilt, degrees": ("planes", 1.0, 2),
+        "bending": ("bending", 1.0, 2),
+        "rays turn, degrees": ("reflection", 1.0, 1),
+        "farthest · 10³": ("max_displacement", 1e3, 1),
+        "MRMS · 10³": ("mrms", 1e3, 2),
+        "step · 10³": ("step", 1e3, 1),
+    }
+    entries = [next(who for who in result.entries if who.name == name) for name in (before, after)]
+    lines = []
+    for mesh in result.meshes:
+        both = [[row for row in result.of(who, UNTOUCHED) if row.mesh == mesh] for who in entries]
+        if not all(both):
+            continue
+        cells = []
+        for name, scale, digits in kinds.values():
+            values = ([_figure(row, name) for row in rows] for rows in both)
+            cells.append(" → ".join(f"{scale * fmean(each):.{digits}f}" for each in values))
+        read = [[row for row in result.attacked(who) if row.mesh == mesh and row.failure is None] for who in entries]
+        exact = (str(sum(row.bit_errors == 0 for row in rows)) for rows in read)
+        lines.append([inline(mesh), *cells, f"{' → '.join(exact)} of {len(read[0])}"])
+    return ["mesh", *kinds, "every bit read after attacks"], lines
+
+
+def _figure(row: Row, name: str) -> float:
+    value = row.step if name == "step" else row.metrics[name]
+    assert value is not None
+    return value
 
 
 def attack_sweep(directory: Path) -> Lines:

@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+import explain_motion
 import explain_shape_spectrum
 import tables
 
@@ -26,7 +27,7 @@ from o3dmark.errors import SpecError
 
 ROOT = Path(__file__).parent.parent
 SUMMARISED = ("attack_sweep",)  # too many rows to keep: counts and failures stay
-PICTURE = "docs/shape_spectrum.png"
+PICTURE, MOTION = "docs/shape_spectrum.png", "docs/motion.png"
 
 
 def main() -> int:
@@ -42,6 +43,7 @@ def main() -> int:
     failed = [name for name in names if not remade(name, options.meshes, options.workers, options.fresh)]
     if not options.names:
         explain_shape_spectrum.main(Path(PICTURE), None)
+        explain_motion.main(Path(MOTION))
     stale = tables.main([])
     print(
         f"made: {len(names) - len(failed)} of {len(names)} campaigns; not: {', '.join(failed) or '-'}", file=sys.stderr

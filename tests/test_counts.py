@@ -117,3 +117,42 @@ def test_every_campaign_of_the_package_is_described(counts: ModuleType) -> None:
         "real |",
     )
     assert all(len(line.split(" | ")[1]) > 20 for line in tables.campaigns_table().splitlines()[2:])
+
+
+def test_edits_are_counted_blindly_and_beside_the_cover(counts: ModuleType, tmp_path: Path) -> None:
+    alone = replace(PLAIN, methods={"first": PLAIN.methods["first"]}, main="first", wrong_keys=0, unmarked=0)
+    few, rest = replace(alone, cases=alone.cases[:1]), replace(alone, cases=alone.cases[1:2])
+    blindly = []
+    for name, campaign in (("few", few), ("rest", rest)):
+
+        def change(row: Row, name: str = name) -> Row:
+            read = name == "few" and row.mesh != "Vase"
+            return replace(row, message_ok=read, log10_p_best=-6.0 if read else -5.9)
+
+        keep(tmp_path / name, campaign, invented_rows(campaign, change))
+        blindly.append(Results.load(tmp_path / name))
+    keep(tmp_path / "beside", few, invented_rows(few, lambda row: replace(row, message_ok=row.seed == 0)))
+    _, lines = counts.edits(blindly, [Results.load(tmp_path / "beside")])
+    assert [line[0] for line in lines] == ["no attack", few.cases[0].condition, rest.cases[0].condition]
+    assert lines[1][1:] == ["4 of 6", "4 of 6", "Vase 2", "3 of 6"]
+    assert lines[2][1:3] == ["0 of 6", "0 of 6"]
+    assert lines[2][4] == "–"
+
+
+def test_two_ways_to_move_stand_in_one_cell(counts: ModuleType, tmp_path: Path) -> None:
+    names = ("msdm", "planes", "bending", "reflection", "max_displacement", "mrms")
+    campaign = replace(PLAIN, metrics=names, wrong_keys=0, unmarked=0)
+
+    def change(row: Row) -> Row:
+        value = {"first": 0.25, "second": 0.125}[row.label]
+        errors = int(row.mesh == "Vase" and row.label == "second" and row.condition == "loop")
+        return replace(row, metrics=dict.fromkeys(names, value), step=value / 10, bit_errors=errors)
+
+    keep(tmp_path, campaign, invented_rows(campaign, change))
+    head, lines = counts.motions(Results.load(tmp_path), before="first", after="second")
+    assert len(lines) == len(campaign.meshes)
+    cells = dict(zip(head, next(line for line in lines if line[0] == "Vase"), strict=True))
+    assert cells["MSDM"] == "0.250 → 0.125"
+    assert cells["farthest · 10³"] == "250.0 → 125.0"
+    assert cells["step · 10³"] == "25.0 → 12.5"
+    assert cells["every bit read after attacks"] == "12 → 10 of 12"

@@ -15,6 +15,7 @@ from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.motion.hinges import Hinges
 from o3dmark.registry import spec_of
 from o3dmark.synthetic import SHAPES, Sculpture, make
 from o3dmark.synthetic import field as solids
@@ -239,6 +240,29 @@ def test_a_primitive_has_its_volume_area_and_genus(name: str) -> None:
     assert len(mesh.vertices) == pytest.approx(2500, rel=0.05)
 
 
+def test_the_bracket_has_planes_and_cylinders_with_sharp_edges() -> None:
+    mesh = make("bracket:vertices=4000")
+    vertices, triangles = mesh_arrays(mesh)
+    assert is_sound(mesh, 1)
+    assert len(vertices) == 4 * 1116
+    angles = np.degrees(np.abs(Hinges.of(triangles).angles(vertices, triangles)))
+    assert ((angles < 10) | (angles > 80)).all()
+    assert np.mean(angles < 0.01) > 0.5
+    # 1.2 straight, 1.8 bent, the middle of the plate 0.9 from the axis; the wall, the block, less the window
+    plate = 0.2 * 1.2 * (1.2 + 1.8 * (1.0 - 0.1))
+    assert geometry.volume(vertices, triangles) == pytest.approx(plate + 0.144 + 0.075 - 0.032 * 0.9, rel=0.01)
+
+
+def test_the_car_is_smooth_all_over() -> None:
+    mesh = make("car:vertices=4000")
+    vertices, triangles = mesh_arrays(mesh)
+    assert is_sound(mesh, 0)
+    assert len(vertices) == pytest.approx(4000, rel=0.05)
+    assert np.degrees(np.abs(Hinges.of(triangles).angles(vertices, triangles))).max() < 30
+    length, height, width = np.ptp(vertices, axis=0)
+    assert length > 2 * width > 2 * height
+
+
 def test_the_plane_is_open_and_faces_z() -> None:
     mesh = make("plane:vertices=400")
     vertices, triangles = mesh_arrays(mesh)
@@ -248,4 +272,4 @@ def test_the_plane_is_open_and_faces_z() -> None:
 
 
 def test_every_registered_shape_has_a_stand_in_or_a_known_volume() -> None:
-    assert set(SHAPES) == set(NAMES) | set(PRIMITIVES) | {"plane"}
+    assert set(SHAPES) == set(NAMES) | set(PRIMITIVES) | {"plane", "bracket", "car"}

@@ -49,7 +49,7 @@ class Sphere(Primitive):
     """The unit sphere: an icosahedron whose faces are divided, 10 f^2 + 2 vertices."""
 
     def build(self) -> TriangleMesh:
-        return triangle_mesh(*_sphere(self.vertices))
+        return triangle_mesh(*unit_sphere(self.vertices))
 
 
 @SHAPES.register("tetrahedron")
@@ -115,12 +115,13 @@ class TwoSpheres(Primitive):
     """A ball of radius 1 and, apart from it, one of radius 0.6: two components."""
 
     def build(self) -> TriangleMesh:
-        large, faces = _sphere(self.vertices // 2)
+        large, faces = unit_sphere(self.vertices // 2)
         points = np.concatenate([large, 0.6 * large + [2.0, 0.3, -0.2]])
         return triangle_mesh(points, np.concatenate([faces, faces + len(large)]))
 
 
-def _sphere(n_vertices: int) -> tuple[Floats, Ints]:
+def unit_sphere(n_vertices: int) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and triangles (m, 3) of an icosahedron, divided and blown up, of about so many vertices."""
     golden = (1.0 + 5.0**0.5) / 2.0
     corners = np.array([[0.0, s, t * golden] for s in (-1, 1) for t in (-1, 1)])
     corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])

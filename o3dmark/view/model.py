@@ -15,7 +15,8 @@ from o3dmark.mesh.surface import PointCloud, Surface, is_cloud, legacy_cloud, po
 Float32s = NDArray[np.float32]  # a picture needs no more
 Shape: TypeAlias = Surface | PointCloud
 
-CREASE = np.cos(np.radians(45.0))  # triangles that meet at a greater angle are not smoothed together: CAD edges stay
+# Triangles that meet at a greater angle are not smoothed together: CAD edges stay
+CREASE, HALF_CREASE = np.cos(np.radians(45.0)), np.cos(np.radians(22.5))
 MAX_VALENCE = 64  # triangles around a vertex beyond which each keeps its own normal at a crease: pairs cost memory
 SPLATS = 0.002, 0.02  # smallest and largest radius of a drawn point, over the diagonal
 
@@ -75,17 +76,17 @@ def n_vertices(shape: Shape) -> int:
 def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:
     """A unit normal for each corner of each triangle (m, 3, 3), so that curved parts look smooth and edges sharp.
 
-    It is the area-weighted mean over the triangles around the vertex; where one of them leans more than CREASE from
-    that, over those within CREASE of the corner's own triangle.
+    It is the area-weighted mean over the triangles around the vertex; where one of them leans more than half of CREASE
+    from that, so that two may differ by CREASE, over those within CREASE of the corner's own triangle.
     """
     area = geometry.area_vectors(vertices, triangles)
     flat, corner = geometry.unit(area), triangles.ravel()
     smooth = geometry.unit(geometry.vertex_area_vectors(vertices, triangles))
     own = np.repeat(flat, 3, axis=0)
-    leans = np.einsum("kj,kj->k", own, smooth[corner]) < CREASE
-    creased = np.bincount(corner, leans, minlength=len(vertices)) > 0
+    upright = np.einsum("kj,kj->k", own, smooth[corner])
+    creased = np.bincount(corner, upright < HALF_CREASE, minlength=len(vertices)) > 0
     few = np.bincount(corner, minlength=len(vertices)) <= MAX_VALENCE
-    normals = np.where(leans[:, None], own, smooth[corner])
+    normals = np.where((upright < CREASE)[:, None], own, smooth[corner])
     sharp = np.flatnonzero((creased & few)[corner])
     around = sp.csr_array((np.ones(len(sharp)), (np.arange(len(sharp)), corner[sharp])), (len(sharp), len(vertices)))
     one, other = (around @ around.T).nonzero()
