@@ -151,6 +151,23 @@ def attack_sweep(directory: Path) -> Lines:
     return ["attack", "a valid mesh, the input as it was", "refused, with a reason", "failed"], lines
 
 
+def marked_twice(path: Path) -> Lines:
+    """How often the first of two marks is read, and found by who knows it; from the rows of marked_twice.py."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    meshes, lines = list(dict.fromkeys(row["mesh"] for row in rows)), []
+    for profile in dict.fromkeys(row["profile"] for row in rows):
+        mine = [row for row in rows if row["profile"] == profile]
+        cells = []
+        for mesh in meshes:
+            here = [row for row in mine if row["mesh"] == mesh]
+            found = sum(float(row["log10_p"]) <= KNOWN for row in here)
+            cells.append(f"{sum(int(row['read']) for row in here)}, {found} of {len(here)}" if here else "–")
+        msdm = [float(row["msdm"]) for row in mine]
+        lines.append([f"`{profile}`", *cells, f"{min(msdm):.2f} to {max(msdm):.2f}"])
+    return ["profile", *map(inline, meshes), "MSDM of one mark"], lines
+
+
 def collusion(path: Path) -> Lines:
     """In how many mixtures somebody who took part is named, by what was mixed how; from the rows of collusion.py."""
     with path.open(encoding="utf-8", newline="") as file:

@@ -335,6 +335,9 @@ OF_CODE: dict[str, Callable[[], str]] = {
     "rows": row_table,
     "campaigns": campaigns_table,
     "collusion": lambda: grid(*counts.collusion(RESULTS / "collusion" / "rows.csv")),  # by scripts/collusion.py
+    "marked twice": lambda: grid(
+        *counts.marked_twice(RESULTS / "marked_twice" / "rows.csv")
+    ),  # by scripts/marked_twice.py
 }
 OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the folders that they are made of
     "saliency-scs results": (saliency_scs_table, ("saliency_scs",)),

@@ -156,3 +156,14 @@ def test_two_ways_to_move_stand_in_one_cell(counts: ModuleType, tmp_path: Path) 
     assert cells["farthest · 10³"] == "250.0 → 125.0"
     assert cells["step · 10³"] == "25.0 → 12.5"
     assert cells["every bit read after attacks"] == "12 → 10 of 12"
+
+
+def test_second_marks_are_counted_by_profile_and_mesh(counts: ModuleType, tmp_path: Path) -> None:
+    rows = tmp_path / "rows.csv"
+    lines = ["mesh,profile,seed,read,log10_p,msdm,date"]
+    lines += ["a,old,0,1,-7.00,0.10,2026-01-01", "a,old,1,0,-6.00,0.20,2026-01-01", "b,old,0,0,-5.99,0.30,2026-01-01"]
+    lines += ["a,new,0,1,-9.00,0.10,2026-01-01"]
+    rows.write_text("\n".join(lines) + "\n")
+    head, table = counts.marked_twice(rows)
+    assert head == ["profile", "a", "b", "MSDM of one mark"]
+    assert table == [["`old`", "1, 2 of 2", "0, 0 of 1", "0.10 to 0.30"], ["`new`", "1, 1 of 1", "–", "0.10 to 0.10"]]
