@@ -8,12 +8,13 @@ import pytest
 
 from fixtures.pictures import FRONT
 from o3dmark.mesh import geometry
+from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.view import (
     Camera,
 )
 from o3dmark.view.model import CREASE, HALF_CREASE, Model, corner_normals, shape_of
-from o3dmark.view.shading import Hits, open_sky, scene_of
+from o3dmark.view.shading import Hits, open_sky
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_a_convex_shape_sees_all_the_sky_and_the_bottom_of_a_well_little(sphere)
         shape = shape_of(mesh)
         size = geometry.diagonal(shape.vertices)
         model = Model.of(shape, None, shape.vertices.mean(axis=0), camera.axes.T / size)
-        scene = scene_of(model)
+        scene = scene_of(model.points, model.triangles)
         hits = Hits.of(model, scene, camera.rays(model.points.astype(float), 120, 90))
         return hits, open_sky(scene, hits)
 

@@ -15,6 +15,7 @@ from o3dmark.attacks import ATTACKS, Attack, _meshlab
 from o3dmark.attacks._carry import checked_arrays, colours_of, copied, made
 from o3dmark.attacks.geometry import random_direction, random_rotation
 from o3dmark.mesh import geometry
+from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
 from o3dmark.registry import option
 
@@ -254,11 +255,7 @@ def _centre(vertices: Floats) -> Floats:
 def _deepest(vertices: Floats, triangles: Ints, rng: np.random.Generator) -> Floats:
     """Of points drawn in the box the one furthest inside (3,)."""
     centre, diagonal = _centre(vertices), geometry.diagonal(vertices)
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(np.asarray((vertices - centre) / diagonal, np.float32)),
-        o3d.core.Tensor(np.asarray(triangles, np.uint32)),
-    )
+    scene = scene_of((vertices - centre) / diagonal, triangles)
     reach = np.ptp(vertices, axis=0) / diagonal / 2.0
     points = np.asarray(rng.uniform(-reach, reach, (4000, 3)), np.float32)
     depth = scene.compute_signed_distance(o3d.core.Tensor(points), nsamples=3).numpy()

@@ -10,6 +10,7 @@ from o3dmark.arrays import Bools, Floats
 from o3dmark.attacks.geometry import random_rotation
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
+from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.sampling import sampled
 from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
@@ -39,7 +40,7 @@ def scanned_points(
     surface = replace(received, triangles=oriented(received.vertices, received.triangles))
     directions = _directions(views) @ random_rotation(rng, 2.0 * np.pi).T
     unit = UnitSize(surface.centroid, surface.diagonal)  # Open3D casts rays in float32
-    scene, seen = _scene(surface.moved(unit.apply(surface.vertices))), []
+    scene, seen = scene_of(unit.apply(surface.vertices), surface.triangles), []
     for _ in range(_ROUNDS):
         positions, normals = _oriented_points(surface, 4 * points, rng)
         sight = directions[rng.integers(len(directions), size=len(positions))]
@@ -68,15 +69,6 @@ def _directions(count: int) -> Floats:
     turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
     radius = np.sqrt(1.0 - height**2)
     return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
-
-
-def _scene(surface: Surface) -> Any:
-    """A ray-casting scene of a surface of size one about the origin."""
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(surface.vertices.astype(np.float32)), o3d.core.Tensor(surface.triangles.astype(np.uint32))
-    )
-    return scene
 
 
 def _unhidden(scene: Any, origins: Floats, sight: Floats) -> Bools:

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.mesh import geometry
+from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.surface import Surface
 
 _POINTS, _DIRECTIONS = 15, 3  # of a piece, that vote on whether it is inside another
@@ -37,7 +38,7 @@ def pieces(surface: Surface) -> Ints:
 
 def within(surface: Surface, piece: Ints, count: int) -> Bools:
     """Of the first ``count`` pieces (count,): whether most of it lies within another of these."""
-    scene = _scene(surface, piece < count)
+    scene = scene_of(surface.vertices, surface.triangles[piece < count])
     kept = np.flatnonzero(piece < count)
     rng = np.random.default_rng(0)
     directions = geometry.unit(rng.standard_normal((_DIRECTIONS, 3)))
@@ -61,7 +62,7 @@ def seen(surface: Surface) -> Bools:
     """Which triangles (m,) are seen from outside, from either side, in some of many directions."""
     m = len(surface.triangles)
     count = int(np.clip(_RAYS // max(m, 1), _FEWEST_DIRECTIONS, _MOST_DIRECTIONS))
-    scene, found = _scene(surface, np.ones(m, bool)), np.zeros(m, bool)
+    scene, found = scene_of(surface.vertices, surface.triangles), np.zeros(m, bool)
     centres = surface.vertices[surface.triangles].mean(axis=1)
     normals = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles))
     step = 1e-5 * surface.diagonal  # off the surface, so that a ray does not hit where it starts
@@ -75,15 +76,6 @@ def seen(surface: Surface) -> Bools:
         blocked = scene.test_occlusions(o3d.core.Tensor(np.asarray(rays, np.float32))).numpy()
         found[waiting] = ~blocked
     return found
-
-
-def _scene(surface: Surface, which: Bools) -> o3d.t.geometry.RaycastingScene:
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(np.asarray(surface.vertices, np.float32)),
-        o3d.core.Tensor(np.asarray(surface.triangles[which], np.uint32)),
-    )
-    return scene
 
 
 def _sphere(count: int) -> Floats:

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from o3dmark.errors import BackendError
 from o3dmark.files import replacing
 from o3dmark.mesh import geometry
+from o3dmark.mesh.rays import scene_of
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import checked_scalars, colour_limits, colours
 from o3dmark.view.model import Model, n_vertices, positions, shape_of
-from o3dmark.view.shading import Hits, open_sky, scene_of, shade, zebra
+from o3dmark.view.shading import Hits, open_sky, shade, zebra
 
 Image = NDArray[np.uint8]
 Look: TypeAlias = Literal["clay", "zebra"]
@@ -59,7 +60,7 @@ def render(
     centre, to_camera = geometry.box_centre(fit), camera.axes.T / (geometry.diagonal(fit) or 1.0)
     values = None if scalars is None else checked_scalars(scalars, n_vertices(shape))
     model = Model.of(shape, values, centre, to_camera)
-    scene = scene_of(model)
+    scene = scene_of(model.points, model.triangles)
     hits = Hits.of(model, scene, camera.rays((fit - centre) @ to_camera, SAMPLES * width, SAMPLES * height))
     material = MATERIAL
     if values is not None and hits.scalars is not None:

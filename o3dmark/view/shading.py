@@ -26,12 +26,6 @@ EDGE = 0.12  # of a stripe's width, over which it goes from dark to light
 DARK, LIGHT = 0.02, 0.9
 
 
-def scene_of(model: Model) -> o3d.t.geometry.RaycastingScene:
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.core.Tensor(model.points), o3d.core.Tensor(model.triangles.astype(np.uint32)))
-    return scene
-
-
 @dataclass(frozen=True, eq=False)
 class Hits:
     """What k of a picture's rays see.
@@ -49,7 +43,7 @@ class Hits:
 
     @classmethod
     def of(cls, model: Model, scene: o3d.t.geometry.RaycastingScene, rays: Float32s) -> "Hits":
-        """Cast ``rays`` (h, w, 6), origins and unit directions, into ``scene_of(model)``."""
+        """Cast ``rays`` (h, w, 6), origins and unit directions, into the scene of the model."""
         cast = {name: values.numpy() for name, values in scene.cast_rays(o3d.core.Tensor(rays)).items()}
         row, column = np.nonzero(np.isfinite(cast["t_hit"]))
         distance, triangle, uv, flat = (
