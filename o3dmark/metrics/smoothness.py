@@ -79,13 +79,10 @@ class Bending(Metric):
         before, after = (hinges.angles(v, triangles) for v in (pair.surface.vertices, pair.moved.vertices))
         smooth = np.abs(before) < np.radians(self.crease)
         change = np.angle(np.exp(1j * (after - before)))[smooth]
-        edge = pair.surface.vertices[hinges.edge[smooth]]
-        length2 = np.sum((edge[:, 1] - edge[:, 0]) ** 2, axis=1)
-        about = geometry.areas(pair.surface.vertices, triangles)[hinges.triangle[smooth]].sum(axis=1) / 3.0
-        if not about.sum():
-            return 0.0
-        energy = np.sum(np.divide(change**2 * length2, 3.0 * about, out=np.zeros_like(about), where=about > 0.0))
-        return float(np.sqrt(energy / about.sum()) * pair.surface.diagonal)
+        _, price = hinges.bending(pair.surface.vertices, triangles)
+        about = geometry.areas(pair.surface.vertices, triangles)[hinges.triangle[smooth]].sum() / 3.0
+        energy = price[smooth] @ change**2 / 3.0  # that of equilateral triangles bent by one is one for their area
+        return float(np.sqrt(energy / about) * pair.surface.diagonal) if about else 0.0
 
 
 @METRICS.register("reflection")
