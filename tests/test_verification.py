@@ -28,7 +28,8 @@ def test_of_the_ways_to_write_one_is_taken_that_can_be_read(secret: int) -> None
 
     With these keys the least motion writes into another frame than it brings about: eight bits of 16 would be wrong.
     """
-    method, key, bits = ShapeSpectrum(mrms=2e-3, search=False, motion="least"), Key(bytes([secret] * 32)), bits_of(secret)
+    method = ShapeSpectrum(mrms=2e-3, search=False, motion="least")
+    key, bits = Key(bytes([secret] * 32)), bits_of(secret)
     assert np.array_equal(method.extract(method.embed(ellipsoid(3), bits, key), 16, key).bits, bits)
 
 
