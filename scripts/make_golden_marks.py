@@ -31,6 +31,7 @@ from o3dmark.files import replacing
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.solid.frame import FRAME_2026, rules
 from o3dmark.solid.solid import Solid
+from o3dmark.synthetic.products import cells, skin_of_cells
 from o3dmark.watermark import parse_bits
 
 ROOT = Path(__file__).parent.parent
@@ -127,19 +128,8 @@ def clover(height: float, lobes: float, hook: float) -> TriangleMesh:
 
 def bracket() -> TriangleMesh:
     """A machine part: a plate, a wall and an off-centre block, with flat faces of small squares and sharp edges."""
-    filled = np.zeros(np.max(BOXES, axis=(0, 1)) + 2, bool)
-    for low, high in BOXES:
-        filled[tuple(slice(a + 1, b + 1) for a, b in zip(low, high, strict=True))] = True
-    squares = []
-    for axis in range(3):
-        for side in (-1, 1):
-            square = np.zeros((4, 3), int)
-            square[:, axis] = side > 0
-            square[:, [(axis + 1) % 3, (axis + 2) % 3]] = [[0, 0], [1, 0], [1, 1], [0, 1]][::side]
-            squares.append(np.argwhere(filled & ~np.roll(filled, -side, axis))[:, None] + square)
-    vertices, corners = np.unique(np.concatenate(squares).reshape(-1, 3), axis=0, return_inverse=True)
-    quads = corners.reshape(-1, 4)
-    return triangle_mesh(vertices.astype(float), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+    vertices, triangles = skin_of_cells(cells(BOXES))
+    return triangle_mesh(vertices + 1.0, triangles)
 
 
 CONSTRUCTIONS: dict[str, Callable[[], TriangleMesh]] = {

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.shapes import needles
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
 from o3dmark.mesh.proximity import closest_points
@@ -75,10 +76,6 @@ def test_a_mesh_that_is_a_speck_beside_its_box_has_no_windows(metric: str) -> No
 
 
 def test_every_point_of_a_fan_of_needles_is_found_in_time() -> None:
-    angle = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)
-    rim = np.stack([np.cos(angle), 1.3 * np.sin(angle), 0.3 * np.cos(3 * angle)], axis=1)
-    numbers = np.arange(len(rim))
-    fan = np.stack([np.full_like(numbers, len(rim)), numbers, np.roll(numbers, -1)], axis=1)
-    surface = Surface.from_arrays(np.vstack([rim, [0.2, 0.0, 1.0]]), fan)
+    surface = needles(20_000)
     middle = surface.vertices[surface.triangles].mean(axis=1)
     assert closest_points(middle, surface).distance.max() < 1e-7  # as exact as needles are

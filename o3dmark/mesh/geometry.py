@@ -72,6 +72,16 @@ def _corner_products(vertices: Floats, triangles: Ints) -> tuple[Floats, Floats]
     return np.linalg.norm(np.cross(one, other), axis=2), np.sum(one * other, axis=2)
 
 
+def motions_along(vertices: Ints, ways: Floats, n_vertices: int) -> sp.csr_array:
+    """The matrix (q, 3 n) of sums of motions: row q takes those of vertices (q, c) along vectors ``ways`` (q, c, 3).
+
+    Column 3 v + i is the motion of vertex v along axis i.
+    """
+    columns = 3 * vertices[:, :, None] + np.arange(3)
+    rows = np.broadcast_to(np.arange(len(vertices))[:, None, None], columns.shape)
+    return sp.csr_array((ways.ravel(), (rows.ravel(), columns.ravel())), shape=(len(vertices), 3 * n_vertices))
+
+
 def barycentric(points: Floats, corners: Floats) -> Floats:
     """Barycentric coordinates (q, 3) of points (q, 3) in the planes of triangles (q, 3, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

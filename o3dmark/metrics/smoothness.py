@@ -79,9 +79,9 @@ class Bending(Metric):
         before, after = (hinges.angles(v, triangles) for v in (pair.surface.vertices, pair.moved.vertices))
         smooth = np.abs(before) < np.radians(self.crease)
         change = np.angle(np.exp(1j * (after - before)))[smooth]
-        _, price = hinges.bending(pair.surface.vertices, triangles)
+        prices = hinges.prices(pair.surface.vertices, triangles)
         about = geometry.areas(pair.surface.vertices, triangles)[hinges.triangle[smooth]].sum() / 3.0
-        energy = price[smooth] @ change**2 / 3.0  # that of equilateral triangles bent by one is one for their area
+        energy = prices[smooth] @ change**2 / 3.0
         return float(np.sqrt(energy / about) * pair.surface.diagonal) if about else 0.0
 
 

@@ -24,9 +24,7 @@ _SENSITIVITY = 200.0  # at its best: a contrast of half a per cent is seen
 _MASKING = 0.7  # exponent by which the threshold rises with the contrast that is there
 _GAIN = 0.45  # of a wave, in all bands together: that of blurs by t and 4 t alone is a third at most
 _TOLERANCE = 1e-3  # of a blurred signal
-_WAVE = (
-    7.5  # wave length that the difference of a blur and one twice as wide shows best, over the finer one's deviation
-)
+_WAVE = 7.5  # length of the waves that a band shows best, over its width
 
 
 @METRICS.register("jnd")
@@ -36,9 +34,9 @@ class JND(Metric):
 
     1 is at the threshold: half of the viewers who look for it there would find it. Normals are compared in bands of
     scale; the threshold of each follows from how sensitive eyes are to such waves, and rises with the reference's own
-    contrast there. Needs the same triangles over the same vertices in the same order. Matt surfaces only: in a mirror
-    far less is seen, see `reflection`. Source: Mannos and Sakrison 1974, The effects of a visual fidelity criterion on
-    the encoding of images (sensitivity); Legge and Foley 1980, Contrast masking in human vision.
+    contrast there. Needs the same triangles over the same vertices in the same order. Matt surfaces only: a mirror shows
+    far smaller changes, see `reflection`. Source: Mannos and Sakrison 1974, The effects of a visual fidelity criterion
+    on the encoding of images (sensitivity); Legge and Foley 1980, Contrast masking in human vision.
     """
 
     needs_equal_connectivity: ClassVar[bool] = True

@@ -51,8 +51,8 @@ class Hinges(NamedTuple):
         area, normals = np.linalg.norm(area_vectors, axis=1), geometry.unit(area_vectors)
         start = vertices[self.edge[:, 0]]
         along = vertices[self.edge[:, 1]] - start
-        length2 = np.maximum(np.einsum("hd,hd->h", along, along), np.finfo(np.float64).tiny)
-        heights = 2.0 * area[self.triangle] / length2[:, None]  # over the edge (h, 2)
+        length2 = self._length2(vertices)
+        heights = self._heights(area, length2)
         slopes = np.zeros((len(along), 4, 3))  # of both ends, and of both third corners
         for side in range(2):
             height = np.maximum(heights[:, side], 1e-9) * np.sqrt(length2)
@@ -61,10 +61,23 @@ class Hinges(NamedTuple):
             slopes[:, 2 + side] = slope
             slopes[:, 0] -= (1.0 - foot) * slope
             slopes[:, 1] -= foot * slope
-        columns = 3 * np.concatenate([self.edge, self.opposite], axis=1)[:, :, None] + np.arange(3)
-        rows = np.broadcast_to(np.arange(len(along))[:, None, None], columns.shape)
-        shape = len(along), 3 * len(vertices)
-        change = sp.csr_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+        corners = np.concatenate([self.edge, self.opposite], axis=1)
+        change = geometry.motions_along(corners, slopes, len(vertices))
+        return change, self.prices(vertices, triangles)
+
+    def prices(self, vertices: Floats, triangles: Ints) -> Floats:
+        """What the square of a change of each angle costs (h,); that of equilateral triangles bent by one, three times
+        their area."""
+        area, length2 = geometry.areas(vertices, triangles), self._length2(vertices)
         about = area[self.triangle].sum(axis=1)
-        sliver = np.clip(heights.min(axis=1) / _LOWEST, 1e-9, 1.0) ** 2
-        return change, sliver * 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean())
+        sliver = np.clip(self._heights(area, length2).min(axis=1) / _LOWEST, 1e-9, 1.0) ** 2
+        return np.asarray(sliver * 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean()))
+
+    def _length2(self, vertices: Floats) -> Floats:
+        """The squared length of each edge (h,), above zero."""
+        along = vertices[self.edge[:, 1]] - vertices[self.edge[:, 0]]
+        return np.maximum(np.einsum("hd,hd->h", along, along), np.finfo(np.float64).tiny)
+
+    def _heights(self, area: Floats, length2: Floats) -> Floats:
+        """Heights of both triangles over their edge, in its length (h, 2), from areas (m,) and squared lengths (h,)."""
+        return np.asarray(2.0 * area[self.triangle] / length2[:, None])

@@ -98,7 +98,8 @@ def roughness(vertices: Floats, triangles: Ints, hinges: Hinges) -> Floats:
 
 def _directions(normals: Floats, along: Ints, anywhere: Ints) -> sp.csr_array:
     """A column for each vertex that moves along its normal, then three for each that may go anywhere."""
-    rows = 3 * np.concatenate([along, anywhere])[:, None] + np.arange(3)
-    columns = np.concatenate([np.repeat(np.arange(len(along)), 3), len(along) + np.arange(3 * len(anywhere))])
-    entries = np.concatenate([normals[along].ravel(), np.ones(3 * len(anywhere))])
-    return sp.csr_array((entries, (rows.ravel(), columns)), shape=(3 * len(normals), len(along) + 3 * len(anywhere)))
+    vertices = np.concatenate([along, np.repeat(anywhere, 3)])
+    ways = np.concatenate([normals[along], np.tile(np.eye(3), (len(anywhere), 1))])
+    directions = geometry.motions_along(vertices[:, None], ways[:, None], len(normals)).T.tocsr()
+    directions.eliminate_zeros()
+    return directions

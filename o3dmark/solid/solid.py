@@ -82,8 +82,7 @@ def normal_square(solid: Solid, directions: sp.csr_array) -> sp.csr_array:
     real = (solid.triangles < len(solid.movable)).all(axis=1)
     triangles, size = solid.triangles[real], solid.areas[real]
     face = geometry.unit(solid.area_vectors[real])
-    columns = (3 * triangles[:, :, None] + np.arange(3)).ravel()
-    rows, entries = np.repeat(np.arange(triangles.size), 3), np.repeat(face, 3, axis=0).ravel()
-    speed = sp.csr_array((entries, (rows, columns)), shape=(triangles.size, directions.shape[0])) @ directions
+    ways = np.repeat(face, 3, axis=0)[:, None]  # of each corner, along the triangle's normal
+    speed = geometry.motions_along(triangles.reshape(-1, 1), ways, len(solid.movable)) @ directions
     hats = (1.0 + np.eye(3)) / 12.0  # the mean over a triangle of the product of two corners' hat functions
     return speed.T @ (sp.kron(sp.diags_array(size / size.sum()), hats, format="csr") @ speed)

@@ -1,5 +1,6 @@
 """Things that are made, not grown: flat faces and cylinders with sharp edges, and a body that is smooth all over."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES
 from o3dmark.synthetic.primitives import Primitive, unit_sphere
+
+Box = tuple[tuple[int, int, int], tuple[int, int, int]]
 
 # Boxes of the bracket, (low, high) along its length, height and depth, in cells of which there are 10 to a unit: a plate
 # whose second half is bent upward, a wall on one side, a block, and a window through the plate.
@@ -27,7 +30,7 @@ class Bracket(Primitive):
 
     def build(self) -> TriangleMesh:
         finer = max(1, round((self.vertices / _CORNERS) ** 0.5))
-        points, triangles = _skin(np.kron(_bracket(), np.ones((finer,) * 3, bool)))
+        points, triangles = skin_of_cells(np.kron(_bracket(), np.ones((finer,) * 3, bool)))
         length, height, depth = points.T / (10.0 * finer)
         beyond = np.maximum(length - _STRAIGHT, 0.0)
         angle, arm = beyond / (_RADIUS + 0.2), _RADIUS + 0.2 - height
@@ -61,14 +64,20 @@ class Car(Primitive):
 
 def _bracket() -> Bools:
     """Which cells (30, 8, 12) of the bracket are filled, before it is bent."""
-    filled = np.zeros(np.max(_BOXES, axis=(0, 1)), bool)
-    for low, high in _BOXES:
-        filled[tuple(slice(*ends) for ends in zip(low, high, strict=True))] = True
+    filled = cells(_BOXES)
     filled[tuple(slice(*ends) for ends in zip(*_WINDOW, strict=True))] = False
     return filled
 
 
-def _skin(filled: Bools) -> tuple[Floats, Ints]:
+def cells(boxes: Sequence[Box]) -> Bools:
+    """The cells (a, b, c) from the origin on, True within the boxes (low, high)."""
+    filled = np.zeros(np.max(boxes, axis=(0, 1)), bool)
+    for low, high in boxes:
+        filled[tuple(slice(*ends) for ends in zip(low, high, strict=True))] = True
+    return filled
+
+
+def skin_of_cells(filled: Bools) -> tuple[Floats, Ints]:
     """The surface of cells (a, b, c): corners (n, 3) in cells, and two triangles for each square, wound outward."""
     padded, squares = np.pad(filled, 1), []
     for axis in range(3):

@@ -8,12 +8,6 @@ from o3dmark.attacks import ATTACKS
 CELLS = 128
 
 
-@pytest.fixture(scope="module")
-def large(spot):
-    """46 850 vertices."""
-    return spot.subdivide_loop(2)
-
-
 @pytest.mark.benchmark(group="resample, 46 850 vertices, 128 cells")
 def test_bench_resample(benchmark, large):
     attack = ATTACKS.make(f"resample:cells={CELLS}")

@@ -7,6 +7,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+from fixtures.shapes import needles
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.mesh.proximity import closest_points
@@ -15,28 +16,12 @@ from o3dmark.mesh.welding import ladder
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 
 METHOD = ShapeSpectrum()
-BITS = np.random.default_rng(0).integers(0, 2, 64)
 CORNERS = 20_000  # of the polygon that a cone stands on: 1 MB of OBJ
 
 
 @pytest.fixture(scope="module")
-def large(spot):
-    """Spot, subdivided to 46 850 vertices."""
-    return spot.subdivide_loop(2)
-
-
-@pytest.fixture(scope="module")
-def marked(large, key):
-    return METHOD.embed(large, BITS, key)
-
-
-@pytest.fixture(scope="module")
 def cone():
-    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
-    rim = np.stack([np.cos(angle), 1.3 * np.sin(angle), 0.3 * np.cos(3 * angle)], axis=1)
-    numbers = np.arange(CORNERS)
-    fan = np.stack([np.full_like(numbers, CORNERS), numbers, np.roll(numbers, -1)], axis=1)
-    return Surface.from_arrays(np.vstack([rim, [0.2, 0.0, 1.0]]), fan)
+    return needles(CORNERS)
 
 
 @pytest.mark.benchmark(group="reading after an edit, 46 850 vertices")

@@ -12,19 +12,7 @@ from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
 
 METHOD = ShapeSpectrum()
-BITS = np.random.default_rng(0).integers(0, 2, 64)
 SUMMED = 20  # waves that the plain sum takes; the transform takes all
-
-
-@pytest.fixture(scope="module")
-def large(spot):
-    """Spot, subdivided to 46 850 vertices."""
-    return spot.subdivide_loop(2)
-
-
-@pytest.fixture(scope="module")
-def marked(large, key):
-    return METHOD.embed(large, BITS, key)
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +56,8 @@ def test_bench_cross(benchmark, large):
 
 
 @pytest.mark.benchmark(group="shape-spectrum, 46 850 vertices")
-def test_bench_embed(benchmark, large, key):
-    benchmark.pedantic(METHOD.embed, (large, BITS, key), rounds=3)
+def test_bench_embed(benchmark, large, message, key):
+    benchmark.pedantic(METHOD.embed, (large, message, key), rounds=3)
 
 
 @pytest.mark.benchmark(group="shape-spectrum, 46 850 vertices")

@@ -128,10 +128,9 @@ class Cover:
     @cached_property
     def along_normals(self) -> Floats:
         """The part along the vertices' normals of the motion for each projection: (K, n)."""
-        n = len(self.normals)
-        columns = (np.repeat(np.arange(n), 3), np.arange(3 * n))
-        ways = sp.csr_array((self.normals.ravel(), columns), shape=(n, 3 * n))
-        return np.asarray((ways @ self.directions @ self.basis.T).T)
+        each = np.arange(len(self.normals))[:, None]
+        along = geometry.motions_along(each, self.normals[:, None], len(each))
+        return np.asarray((along @ self.directions @ self.basis.T).T)
 
     @cached_property
     def metric(self) -> Floats:

@@ -21,7 +21,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from o3dmark.arrays import Floats, Ints
@@ -115,10 +114,8 @@ class _CoverModel:
 
     def answers(self, corners: Ints, ways: Floats) -> Floats:
         """Change (q, K) of q values, each the sum of the motions of three vertices (q, 3) along vectors (q, 3, 3)."""
-        columns = (3 * corners[:, :, None] + np.arange(3)).ravel()
-        place = np.repeat(np.arange(len(corners)), 9), columns
-        shape = len(corners), self.cover.directions.shape[0]
-        return np.asarray(sp.csr_array((ways.ravel(), place), shape=shape) @ self.cover.directions @ self.cover.basis.T)
+        along = geometry.motions_along(corners, ways, len(self.surface.vertices))
+        return np.asarray(along @ self.cover.directions @ self.cover.basis.T)
 
     def prior(self, step: float) -> Floats:
         """The inverse (K, K) of the covariance of the changes to be expected at a step: Q times K over their size."""
