@@ -39,7 +39,7 @@ ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 BLOCK = re.compile(r"(<!-- table: ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 SPECTRUM = ("shape_spectrum", "shape_spectrum_small")
-CONTROL_FOLDERS = ("false_positives", "false_positives_single")
+CONTROL_FOLDERS = ("false_positives", "wrong_keys", "false_positives_single")
 EDITS = ("edits", "edits_of_parts", "edits_beside")  # the last beside the cover
 PROFILES = {  # tables of the same kind
     "64 bits in small meshes": ("shape_spectrum_64",),

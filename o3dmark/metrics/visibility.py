@@ -34,9 +34,9 @@ class JND(Metric):
 
     1 is at the threshold: half of the viewers who look for it there would find it. Normals are compared in bands of
     scale; the threshold of each follows from how sensitive eyes are to such waves, and rises with the reference's own
-    contrast there. Needs the same triangles over the same vertices in the same order. Matt surfaces only: a mirror shows
-    far smaller changes, see `reflection`. Source: Mannos and Sakrison 1974, The effects of a visual fidelity criterion
-    on the encoding of images (sensitivity); Legge and Foley 1980, Contrast masking in human vision.
+    contrast there. Needs the same triangles over the same vertices in the same order. Matt surfaces only: a mirror
+    shows far smaller changes, see `reflection`. Source: Mannos and Sakrison 1974, The effects of a visual fidelity
+    criterion on the encoding of images (sensitivity); Legge and Foley 1980, Contrast masking in human vision.
     """
 
     needs_equal_connectivity: ClassVar[bool] = True
