@@ -6,6 +6,7 @@ that of the frame, which is derived from the mesh and moves with it. What a moti
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +20,7 @@ from o3dmark.methods.shape_spectrum.codewords import Comb, Plan
 from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.motion.metric import Motions
+from o3dmark.motion.visibility import Visibility
 from o3dmark.solid.frame import FrameFormat, rules
 from o3dmark.solid.quadrature import samples
 from o3dmark.solid.solid import Solid, normal_square
@@ -31,8 +33,17 @@ _MAX_RATIO = 1.2  # what one solution that went astray may count for in that mea
 _MAX_CANDIDATES = 16  # plans carried out before the mesh is refused: the seventh at the latest was accepted
 _NEWTON_TOLERANCE = 1e-3  # of a step, a 250th of the margin
 _NEWTON_STEPS = 8  # 2 to 6 were taken by those accepted
+_UNLOOKED = 1.15  # of what may be seen, above which a plan is passed by: two of like size differed by a tenth
+_NEARLY_SEEN = 0.8  # of the same, above which the motion itself is looked at and not its plan alone
 _LUMPED_TRIANGLES = 20_000  # above, the derivative is lumped at the vertices, which small triangles allow
 _MIN_AREA_SHARE = 1e-3  # of the mean vertex area, so that slivers do not fly off
+
+
+class Limits(NamedTuple):
+    """What a motion may be at most: its RMS, in the mesh's unit, and what is seen of it (see `Visibility`)."""
+
+    rms: float
+    jnd: float
 
 
 class Cover:
@@ -153,6 +164,14 @@ class Cover:
         """RMS of the motion that `moved` makes, as `geometry.normal_rms` has it."""
         return float(np.sqrt(change @ self.metric @ change))
 
+    @cached_property
+    def _visibility(self) -> Visibility:
+        return Visibility(self.surface)
+
+    def jnd(self, change: Floats) -> float:
+        """What is seen of the motion that `moved` makes, in just noticeable differences."""
+        return self._visibility(self.surface.moved(self.moved(change)))
+
     def project(self, vertices: Floats) -> Floats:
         """The projections (K,) with the mesh's vertices at ``vertices`` (n, 3), in the mesh's own frame then."""
         solid = self.solid.moved(vertices)
@@ -181,19 +200,30 @@ class Cover:
         return best
 
 
-def least_motion(cover: Cover, plans: Iterable[Plan], limit: float, reads: Callable[[Floats], bool]) -> Floats | None:
-    """What to ask of `Cover.moved` (K,) for the first plan that arrives at its codewords, moves the surface by
-    ``limit`` (RMS) at most and is read back, as ``reads`` says of vertices (n, 3); None when no plan does."""
-    ratios = [INITIAL_RATIO]
+def least_motion(cover: Cover, plans: Iterable[Plan], most: Limits, reads: Callable[[Floats], bool]) -> Floats | None:
+    """What to ask of `Cover.moved` (K,) for the first plan that arrives at its codewords, keeps within both limits and
+    is read back, as ``reads`` says of vertices (n, 3); None when no plan does.
+
+    What is seen grows with the motion, nearly in proportion: a plan that was looked at tells which others to pass by.
+    """
+    ratios, jnd_per_rms = [INITIAL_RATIO], 0.0
     for plan in plans:
         if len(ratios) > _MAX_CANDIDATES:
             break
-        if plan.size * float(np.mean(ratios)) > limit:
+        ratio, seen = float(np.mean(ratios)), 0.0
+        if plan.size * ratio > most.rms or plan.size * ratio * jnd_per_rms > _UNLOOKED * most.jnd:
             continue
+        if np.isfinite(most.jnd):
+            seen = ratio * cover.jnd(plan.change)
+            jnd_per_rms = seen / (ratio * plan.size)
+            if seen > most.jnd:
+                continue
         asked, missed = cover.solve(plan.change, _NEWTON_TOLERANCE * plan.step)
         size = cover.size(asked)
         ratios.append(min(size / plan.size, _MAX_RATIO))
-        arrived = missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * limit
+        arrived = missed < 10.0 * _NEWTON_TOLERANCE * plan.step and size <= _LIMIT_MARGIN * most.rms
+        if arrived and seen > _NEARLY_SEEN * most.jnd:
+            arrived = cover.jnd(asked) <= most.jnd
         if arrived and reads(cover.moved(asked)):
             return asked
     return None

@@ -43,7 +43,7 @@ from o3dmark.methods import METHODS, Extraction, Method, Progress, silent
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.codewords import plans
 from o3dmark.methods.shape_spectrum.decoder import Decoder
-from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, least_motion
+from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, Limits, least_motion
 from o3dmark.methods.shape_spectrum.format import FORMATS
 from o3dmark.methods.shape_spectrum.fragment import read_beside
 from o3dmark.methods.shape_spectrum.mixture import Remade, mixture
@@ -85,6 +85,7 @@ class ShapeSpectrum(Method):
     )
 
     mrms: float = option(5.8e-4, "distortion aimed at, over the bounding-box diagonal; the ladder's middle hangs on it")
+    jnd: float | None = option(1.0, "most that may be seen of it, in just noticeable differences; none: anything")
     lowest: float = option(4.0, "longest waves used, as the number that fit in the box")
     highest: float = option(12.0, "shortest waves used, as the number that fit in the box")
     box: float = option(6.0, "side of the box, over the radius of gyration")
@@ -100,6 +101,8 @@ class ShapeSpectrum(Method):
     def __post_init__(self) -> None:
         if not (self.mrms > 0 and self.box > 0 and 0 < self.lowest < self.highest <= 40 and 0 <= self.slack < 0.25):
             raise ValueError("wants mrms and box above 0, 0 < lowest < highest <= 40, and slack in 0 .. 0.25")
+        if self.jnd is not None and not self.jnd > 0:
+            raise ValueError(f"jnd should be above 0, or none for no limit, not {self.jnd}")
         if not 1 <= self.rungs <= 200:
             raise ValueError(f"rungs should be 1 to 200, not {self.rungs}")
 
@@ -113,7 +116,7 @@ class ShapeSpectrum(Method):
     @property
     def sight(self) -> "ShapeSpectrum":
         """See `Method.sight`: the band decides what is observed; how far it is looked into is up to the reader."""
-        return replace(self, mrms=0.00058, rungs=45, slack=0.04, mask="none", motion="unseen", search=True)
+        return replace(self, mrms=0.00058, jnd=1.0, rungs=45, slack=0.04, mask="none", motion="unseen", search=True)
 
     @property
     def takes_reference(self) -> bool:
@@ -121,7 +124,7 @@ class ShapeSpectrum(Method):
         return True
 
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
-        """See `Method.embed`. Of the ways that keep within ``mrms``, the one with the widest margin is taken."""
+        """See `Method.embed`. Of the ways within ``mrms`` and ``jnd``, the one with the widest margin is taken."""
         message = np.asarray(bits, np.uint8).ravel()
         if isinstance(mesh, Prepared):
             return _written(mesh, self._change(mesh.cover, message, _unseen))
@@ -208,11 +211,12 @@ class ShapeSpectrum(Method):
         """
         limit = self.mrms * cover.surface.diagonal
         choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
-        change = least_motion(cover, choices, limit, reads)
+        change = least_motion(cover, choices, Limits(limit, np.inf if self.jnd is None else self.jnd), reads)
         if change is None:
+            seen = "" if self.jnd is None else f" and {self.jnd:g} just noticeable differences (the option jnd)"
             raise MeshError(
-                f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal so that they"
-                " can be read back: it may be too slender for waves of this length, or pass through itself"
+                f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal{seen} so that"
+                " they can be read back: it may be too slender for waves of this length, or pass through itself"
             )
         return change
 
