@@ -24,6 +24,7 @@ NBits = Annotated[int | None, typer.Option("--n-bits", metavar="N", help="Raw bi
 Reference = Annotated[
     Path | None, typer.Option("--reference", metavar="COVER", help="The unmarked mesh, for informed extraction.")
 ]
+_COSTS = ("mrms", "hausdorff", "max_displacement", "jnd", "strength_by")  # null where nothing was marked
 
 
 def keygen(file: Annotated[Path, typer.Argument(metavar="FILE", help="To be made.")], json: Json = False) -> None:
@@ -82,10 +83,14 @@ def embed(
         target.write(marked.files)
     report: dict[str, Any] = {"output": str(output) if marked.verified else None, "profile": chosen}
     report |= mark.to_dict() | {"message": message, "bits": bits, "verified": marked.verified}
-    report |= _cost(marked) | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
+    strength = marking.strength(marked, mark.method)
+    cost = dict.fromkeys(_COSTS) if strength is None else strength.to_dict()
+    report |= cost | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
     report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}
     report |= {"files": sorted({*marked.files, *target.copies}) if marked.verified else []}
     print_result(report | {"seconds": since(started)}, json)
+    if strength is not None:
+        say(strength.words)
     _say_what_happened(marked, target)
     if not marked.verified:
         say(_with_advice("nothing was written: the mark cannot be read back", asset, mark, message, secret))
@@ -191,21 +196,6 @@ def _with_advice(text: str, asset: "Asset", mark: "Watermark", message: str | No
     from o3dmark.marking import advice
 
     return ". ".join(filter(None, [text, "" if message is None else advice(asset, mark, message, key)]))
-
-
-def _cost(marked: "Marked") -> dict[str, float | None]:
-    """What the mark cost, of all marked parts the most: lengths over the diagonal of the part's bounding box."""
-    from o3dmark.metrics.displacement import MaxDisplacement
-    from o3dmark.metrics.distance import surface_distance
-
-    if not marked.moved:
-        return {"mrms": None, "hausdorff": None, "max_displacement": None}
-    distances = [surface_distance(*pair) for pair in marked.pairs()]
-    return {
-        "mrms": max(distance.mrms for distance in distances),
-        "hausdorff": max(distance.hausdorff for distance in distances),
-        "max_displacement": max(MaxDisplacement()(*pair) for pair in marked.pairs()),
-    }
 
 
 def _say_what_happened(marked: "Marked", target: "Destination") -> None:

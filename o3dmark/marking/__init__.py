@@ -4,6 +4,7 @@ embedding   asset, watermark, message, key -> the bytes of the marked asset, rea
 reading     asset or shape, watermark, key -> what was read, and in which part
 views       the meshes that a received file shows, in the order in which they are looked at
 choice      with which profile, where nobody says
+strength    how strong the mark came out, and what held it back
 advice      what does work where a mark does not fit: tried, not guessed
 """
 
@@ -11,6 +12,7 @@ from o3dmark.marking.advice import advice
 from o3dmark.marking.choice import Chosen, embed_by_any
 from o3dmark.marking.embedding import Edition, Left, Marked, embed, mesh_of
 from o3dmark.marking.reading import PartDetection, PartReading, detect, extract
+from o3dmark.marking.strength import Strength, strength
 from o3dmark.marking.views import View, views
 
 __all__ = [
@@ -20,6 +22,7 @@ __all__ = [
     "Marked",
     "PartDetection",
     "PartReading",
+    "Strength",
     "View",
     "advice",
     "detect",
@@ -27,5 +30,6 @@ __all__ = [
     "embed_by_any",
     "extract",
     "mesh_of",
+    "strength",
     "views",
 ]

@@ -131,6 +131,11 @@ class Method(abc.ABC):
         return self
 
     @property
+    def limits(self) -> dict[str, float]:
+        """What a mark may cost at most, by the name of the metric: "mrms", "jnd", or none of them."""
+        return {}
+
+    @property
     def informed(self) -> bool:
         """Whether extraction needs the cover mesh as its reference."""
         return False

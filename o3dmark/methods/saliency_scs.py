@@ -186,6 +186,11 @@ class SaliencySCS(Method):
             raise ValueError("mrms, sigma, epsilon and lam must be positive, passes not negative")
 
     @property
+    def limits(self) -> dict[str, float]:
+        """See `Method.limits`: none where the step is given."""
+        return {} if self.step or self.lam else {"mrms": self.mrms}
+
+    @property
     def informed(self) -> bool:
         return self.sync == "informed"
 

@@ -119,6 +119,11 @@ class ShapeSpectrum(Method):
         return replace(self, mrms=0.00058, jnd=1.0, rungs=45, slack=0.04, mask="none", motion="unseen", search=True)
 
     @property
+    def limits(self) -> dict[str, float]:
+        """See `Method.limits`."""
+        return {"mrms": self.mrms} | ({} if self.jnd is None else {"jnd": self.jnd})
+
+    @property
     def takes_reference(self) -> bool:
         """A fragment is read with the cover at hand; a whole mesh needs none."""
         return True
