@@ -44,13 +44,15 @@ def test_keygen_makes_a_private_key_and_keeps_an_old_one(tmp_path: Path, capsys:
 
 def test_embed_and_extract(folder: Path, tmp_path: Path, capsys: Any) -> None:
     out, key = tmp_path / "out.ply", folder / "owner.key"
-    code, result, _ = run(capsys, "embed", folder / "cover.ply", out, "--key", key, "--message", MESSAGE, "--json")
+    code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", key, "--message", MESSAGE, "--json")
     assert code == 0
     assert out.exists()
-    wanted = "output method n_bits message mrms hausdorff max_displacement verified seconds".split()  # noqa: SIM905
+    assert "the cap holds it back" in err
+    wanted = "output method n_bits message mrms hausdorff max_displacement jnd strength_by verified seconds".split()  # noqa: SIM905
     assert set(wanted) <= set(result)
     assert result["verified"] is True
     assert 0 < result["mrms"] <= 6e-4
+    assert (0 < result["jnd"] <= 1, result["strength_by"]) == (True, "cap")
     assert result["mrms"] < result["hausdorff"] <= result["max_displacement"] * 1.001
     code, result, _ = run(capsys, "extract", out, "--key", key, "--json")
     assert code == 0

@@ -1,6 +1,7 @@
 """Marks in files: each part that holds one is marked, what is written is read back, any part may speak."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import ASSETS, Asset, Source, open_asset
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.methods import METHODS
 from o3dmark.profiles import PROFILES
 from o3dmark.watermark import Watermark
 
@@ -47,6 +49,22 @@ def test_what_was_written_is_read(opened: Opened, spot_arrays, key: Key) -> None
     np.testing.assert_array_equal(asset.parts[0].vertices, spot_arrays[0])
     ((before, new),) = marked.pairs()
     assert 1e-4 < np.abs(np.asarray(new.vertices) - np.asarray(before.vertices)).max() < 0.01
+
+
+def test_how_strong_it_came_out_is_told_and_what_held_it_back(opened: Opened, spot_arrays, key: Key) -> None:
+    asset = opened(spot_arrays)
+    for spec, by, word in (
+        ("shape-spectrum", "cap", "the cap holds it back"),
+        ("shape-spectrum:mrms=0.002", "jnd", "what eyes see holds it back, at "),
+        ("saliency-scs:step=0.02", None, "just noticeable differences"),
+    ):
+        mark = replace(MARK, method=METHODS.make(spec))
+        found = marking.strength(marking.embed(asset, mark, "me", key), mark.method)
+        assert found is not None
+        assert found.by == found.to_dict()["strength_by"] == by
+        assert word in found.words
+        assert by is None or 0.7 < max(found.jnd, found.mrms / mark.method.mrms) <= 1.01
+    assert marking.strength(marking.Marked(asset, {}, {}), MARK.method) is None
 
 
 def test_each_part_is_marked_and_what_cannot_be_is_left_and_named(opened: Opened, spot_arrays, key: Key) -> None:

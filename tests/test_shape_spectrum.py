@@ -25,6 +25,7 @@ from o3dmark.methods.shape_spectrum.lattice import Lattice
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
+from o3dmark.metrics import METRICS
 from o3dmark.solid.frame import FRAME_2026
 from o3dmark.solid.spectrum import Band
 
@@ -53,6 +54,34 @@ def test_the_distortion_is_within_what_was_asked_for(spot: TriangleMesh, marked:
     motion = (after.vertices - cover.vertices)[cover.triangles]
     size = geometry.normal_rms(geometry.area_vectors(cover.vertices, cover.triangles), motion) / cover.diagonal
     assert 0.7 * METHOD.mrms < size <= 1.01 * METHOD.mrms
+
+
+@pytest.mark.parametrize("method", [replace(METHOD, jnd=0.3), replace(METHOD, mrms=3e-3)], ids=["below", "cap raised"])
+def test_no_more_is_seen_than_may_be(method: ShapeSpectrum, spot: TriangleMesh, key: Key) -> None:
+    """Where the eye holds it back the mark stays below both limits, and is read all the same."""
+    marked = method.embed(spot, BITS, key)
+    seen, size = (METRICS.make(name)(spot, marked) for name in ("jnd", "mrms"))
+    assert 0.7 * method.jnd < seen <= 1.001 * method.jnd
+    assert size < 0.95 * method.mrms
+    assert np.array_equal(read(marked, key, method).bits, BITS)
+
+
+def test_where_the_cap_holds_it_back_the_eye_changes_nothing(
+    spot: TriangleMesh, marked: TriangleMesh, key: Key
+) -> None:
+    assert METRICS.make("jnd")(spot, marked) < 0.8
+    anything = replace(METHOD, jnd=None).embed(spot, BITS, key)
+    assert np.array_equal(np.asarray(anything.vertices), np.asarray(marked.vertices))
+
+
+def test_a_mark_that_cannot_be_hidden_is_refused_with_what_helps(spot: TriangleMesh, key: Key) -> None:
+    with pytest.raises(MeshError, match=r"0\.01 just noticeable differences .*; a smaller mrms"):
+        replace(METHOD, jnd=0.01).embed(spot, BITS, key)
+
+
+def test_the_limits_are_named() -> None:
+    assert METHOD.limits == {"mrms": 8e-4, "jnd": 1.0}
+    assert replace(METHOD, jnd=None).limits == {"mrms": 8e-4}
 
 
 def test_the_cover_is_not_touched_and_the_triangles_stay(spot: TriangleMesh, key: Key) -> None:
@@ -177,7 +206,7 @@ def test_a_solid_without_a_frame_is_refused_by_the_writer_only(shared: Callable[
     assert np.abs(read(ball, key).soft).max() < 1e-9
 
 
-@pytest.mark.parametrize("spec", ["mrms=0", "lowest=12", "slack=0.3", "highest=100", "box=-1"])
+@pytest.mark.parametrize("spec", ["mrms=0", "lowest=12", "slack=0.3", "highest=100", "box=-1", "jnd=0"])
 def test_options_are_checked(spec: str) -> None:
     with pytest.raises(SpecError):
         METHODS.make(f"shape-spectrum:{spec}")

@@ -144,6 +144,7 @@ def test_profiles_never_change() -> None:
     }
     spectrum = {"name": "shape-spectrum", "mrms": 5.8e-4, "lowest": 4.0, "highest": 12.0, "box": 6.0, "slack": 0.04}
     spectrum |= {"rungs": 45, "format": "2026", "mask": "none", "motion": "unseen", "search": True}
+    spectrum |= {"jnd": 1.0}  # of the writer alone: old marks are read all the same
     frozen = {
         "robust-2026": (spectrum, {"name": "random", "message_bytes": None}, 64),
         "slender-2026": (

@@ -101,7 +101,7 @@ def _told(spec: str, informed: bool) -> dict[str, str]:
 def _options(method: Method) -> Iterator[str]:
     for name, _, default, doc in describe(type(method)):
         if (value := getattr(method, name)) != default:
-            text = value if isinstance(value, str) else format(value, "g")
+            text = format(value, "g") if isinstance(value, (int, float)) else str(value).lower()
             yield f"{name} = {text} ({doc.partition(';')[0]})"
 
 

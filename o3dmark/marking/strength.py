@@ -1,5 +1,6 @@
 """How strong a mark came out, and what held it back: the cap of its profile, or what eyes see."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ class Strength:
 
     jnd   what is seen of it, in just noticeable differences (the metric of that name): 1 is the threshold
     by    which limit of the method the mark is nearer to: "cap", on the MRMS, or "jnd"; None for methods without
+    cap   that limit on the MRMS; None for methods without
     """
 
     mrms: float
@@ -23,6 +25,7 @@ class Strength:
     max_displacement: float
     jnd: float
     by: Literal["cap", "jnd"] | None
+    cap: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; ``by`` as ``strength_by``."""
@@ -32,9 +35,14 @@ class Strength:
     @property
     def words(self) -> str:
         """The same as a line for people."""
-        seen = f"{self.jnd:.2f} just noticeable differences"
-        why = {"cap": ", held back by the cap on the MRMS", "jnd": ", held back by what eyes see", None: ""}[self.by]
-        return f"strength: an MRMS of {self.mrms:.2g} of the diagonal and {seen}{why}"
+        seen = f"strength: an MRMS of {self.mrms:.2g} of the diagonal, {self.jnd:.2f} just noticeable differences"
+        if self.by is None or self.cap is None:
+            return seen
+        if self.by == "cap":
+            return f"{seen}; the cap holds it back"
+        return (
+            f"{seen}; what eyes see holds it back, at {self.mrms / self.cap:.0%} of the cap: so much less it survives"
+        )
 
 
 def strength(marked: Marked, method: Method) -> Strength | None:
@@ -50,16 +58,14 @@ def strength(marked: Marked, method: Method) -> Strength | None:
         max(each.hausdorff for each in distances),
         max(MaxDisplacement()(*pair) for pair in pairs),
         max(seen),
-        _nearest(method, list(zip(mrms, seen, strict=True))),
+        _nearest(method, max(mrms), max(seen)),
+        method.limits.get("mrms"),
     )
 
 
-def _nearest(method: Method, costs: list[tuple[float, float]]) -> Literal["cap", "jnd"] | None:
-    """Which limit some part is nearest to, of costs in MRMS and just noticeable differences."""
+def _nearest(method: Method, mrms: float, jnd: float) -> Literal["cap", "jnd"] | None:
+    """Which limit of the method what a mark cost is nearest to."""
     limits = method.limits
     if not limits:
         return None
-    cap, jnd = (
-        max(cost[i] for cost in costs) / limits.get(name, float("inf")) for i, name in enumerate(("mrms", "jnd"))
-    )
-    return "jnd" if jnd > cap else "cap"
+    return "jnd" if jnd / limits.get("jnd", math.inf) > mrms / limits.get("mrms", math.inf) else "cap"

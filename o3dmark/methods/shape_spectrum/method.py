@@ -218,10 +218,11 @@ class ShapeSpectrum(Method):
         choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
         change = least_motion(cover, choices, Limits(limit, np.inf if self.jnd is None else self.jnd), reads)
         if change is None:
-            seen = "" if self.jnd is None else f" and {self.jnd:g} just noticeable differences (the option jnd)"
+            seen = "" if self.jnd is None else f" and {self.jnd:g} just noticeable differences"
+            eye = "" if self.jnd is None else "; a smaller mrms has finer steps, a larger jnd shows more"
             raise MeshError(
                 f"this mesh does not hold {len(message)} bits at an MRMS of {self.mrms} of the diagonal{seen} so that"
-                " they can be read back: it may be too slender for waves of this length, or pass through itself"
+                f" they can be read back: it may be too slender for waves of this length, or pass through itself{eye}"
             )
         return change
 
