@@ -80,7 +80,11 @@ class Watermark:
     def decode(self, extraction: Extraction, key: Key, *, false_positive_rate: float = 1e-4) -> Reading:
         """The message in what `extract_bits` returned."""
         decoded = self.code.decode(
-            extraction.soft, key, hypotheses=extraction.hypotheses, false_positive_rate=false_positive_rate
+            extraction.soft,
+            key,
+            hypotheses=extraction.hypotheses,
+            false_positive_rate=false_positive_rate,
+            shown=extraction.log10_p,
         )
         return Reading(extraction, decoded)
 

@@ -84,7 +84,7 @@ def test_no_method_keeps_more_readings_than_it_counts(name: str, key: Key) -> No
     vertices, triangles = icosphere(3)
     egg = triangle_mesh((vertices + 0.25 * np.roll(vertices, 1, axis=1) ** 2) * [1.0, 1.3, 1.7], triangles)
     read = METHODS.make(QUICK.get(name, name)).extract(egg, 16, key)
-    assert read.hypotheses > 1000
+    assert read.hypotheses > 1000 or read.log10_p is not None  # what is shown whatever the bits is charged by itself
     if read.readings is not None:
         assert sum(len(readings) / charge for readings, charge in read.charged) <= 1.0
         assert read.hypotheses in {charge for _, charge in read.charged}

@@ -52,7 +52,8 @@ def test_leaves_the_cover_alone_and_marks_it_alike_each_time(
 
 def test_every_claim_holds(name: str, marks: dict[str, Any], key: Key) -> None:
     method = METHODS.make(name)
-    assert {"identity", "reorder", "similarity"} <= set(method.claims)
+    assert {"identity", "reorder"} <= set(method.claims)
+    assert any(claim.startswith("similarity") for claim in method.claims)
     for claim in method.claims:
         attacked = attack_all(marks[name], [claim], 7)
         np.testing.assert_array_equal(method.extract(attacked, len(BITS), key).bits, BITS, err_msg=claim)

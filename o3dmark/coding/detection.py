@@ -9,6 +9,7 @@ p-values travel as log10, so that none underflows. All logarithms are base 10 an
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,15 +81,24 @@ class Rate:
         return float(found.low), float(found.high)
 
 
-def detect(soft: ArrayLike, bits: ArrayLike, *, false_positive_rate: float = 1e-6, hypotheses: int = 1) -> Detection:
+def detect(
+    soft: ArrayLike,
+    bits: ArrayLike,
+    *,
+    false_positive_rate: float = 1e-6,
+    hypotheses: int = 1,
+    shown: float | None = None,
+) -> Detection:
     """Test soft bits (n,) for the expected ``bits`` (n,), 0 or 1.
 
-    ``hypotheses`` is the number of readings among which this one was chosen. Errors: SpecError for a rate outside
-    (0, 1].
+    ``hypotheses`` is the number of readings among which this one was chosen. ``shown``: log10 of the p-value of what
+    was read, whatever its bits, where the method tells (see `Extraction`). Errors: SpecError for a rate outside (0, 1].
     """
     _check_rate(false_positive_rate)
     values, expected = _pair(soft, bits)
     log10_p = charge(sign_test(values, expected), hypotheses)
+    if shown is not None:
+        log10_p = together([log10_p, shown])
     matches = int(np.count_nonzero((values > 0) == expected))
     return Detection(log10_p, matches, len(values), false_positive_rate, hypotheses)
 
@@ -136,6 +146,13 @@ def charge(log10_p: float, hypotheses: int) -> float:
     For a blind message, the hypotheses are all the messages that could have been there, times the readings tried.
     """
     return min(0.0, log10_p + math.log10(hypotheses))
+
+
+def together(log10_ps: Sequence[float]) -> float:
+    """log10 of the p-value of several independent ones, from their product q (Fisher): the sum of q (-ln q)^j / j!."""
+    q = sum(log10_ps)
+    nats = -q * math.log(10)
+    return min(0.0, q + math.log10(sum(nats**j / math.factorial(j) for j in range(len(log10_ps)))))
 
 
 def threshold(false_positive_rate: float, n_bits: int) -> int:

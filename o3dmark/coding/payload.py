@@ -110,11 +110,20 @@ class Code(abc.ABC):
         word = permuted(_frame(message, size), key)
         return gf2_matmul(word, self.generator(_k(size), n_bits)) ^ _whitening(key, n_bits)
 
-    def decode(self, soft: ArrayLike, key: Key, *, hypotheses: int = 1, false_positive_rate: float = 1e-4) -> Decoded:
+    def decode(
+        self,
+        soft: ArrayLike,
+        key: Key,
+        *,
+        hypotheses: int = 1,
+        false_positive_rate: float = 1e-4,
+        shown: float | None = None,
+    ) -> Decoded:
         """The message in soft bits (n,): sign is the bit, magnitude the trust in it.
 
         Found means that the nearest codeword is a message and its p-value is ``false_positive_rate`` at most, so a
-        wrong key yields a message no more often than that. ``hypotheses``: readings among which this one was chosen.
+        wrong key yields a message no more often than that. ``hypotheses``: readings among which this one was chosen;
+        ``shown``: what else speaks for them (see `detect`).
         """
         values = np.asarray(soft, np.float64)
         n_bits = len(values)
@@ -123,7 +132,8 @@ class Code(abc.ABC):
         word = decode_osd(G, (values > 0) ^ white, weights(values))
         bits = gf2_matmul(word, G) ^ white
         charged = int(hypotheses) << len(word)
-        detection = detect(values, bits, false_positive_rate=false_positive_rate, hypotheses=charged)
+        rate = false_positive_rate
+        detection = detect(values, bits, false_positive_rate=rate, hypotheses=charged, shown=shown)
         return Decoded(_unframe(restored(word, key)) if detection.present else None, detection)
 
 

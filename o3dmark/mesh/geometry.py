@@ -134,6 +134,13 @@ def boundary_vertices(triangles: Ints, n_vertices: int) -> Bools:
     return mask
 
 
+def boundary_edges(vertices: Floats, triangles: Ints) -> tuple[Floats, Floats]:
+    """Start and end (e, 3) of the edges that only one triangle uses."""
+    keys, counts = np.unique(edge_keys(triangles), return_counts=True)
+    start, end = _pairs_of(keys[counts == 1]).T
+    return vertices[start], vertices[end]
+
+
 def edge_keys(triangles: Ints) -> Ints:
     """A number (m, 3) for the edge from each corner to the next, the same wherever two vertices are joined."""
     return _keys_of(triangles, np.roll(triangles, -1, axis=1))

@@ -80,8 +80,18 @@ class Surface:
         return Surface.from_arrays(self.vertices[used], rows.reshape(-1, 3))
 
     @cached_property
+    def area_vectors(self) -> Floats:
+        """Each triangle's normal times its area (m, 3)."""
+        return geometry.area_vectors(self.vertices, self.triangles)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """Triangle areas (m,)."""
+        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
+
+    @cached_property
     def area(self) -> float:
-        return float(geometry.areas(self.vertices, self.triangles).sum())
+        return float(self.areas.sum())
 
     @cached_property
     def diagonal(self) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Bits, Floats, Ints
 from o3dmark.coding.collusion import Mixture
-from o3dmark.coding.detection import Detection, detect
+from o3dmark.coding.detection import Detection, charge, detect
 from o3dmark.coding.keys import Key
 from o3dmark.registry import Registry
 
@@ -40,6 +40,8 @@ class Extraction:
     coherence    how near the values are to codewords of either bit: 1 on them, about 0 at random; None if unknown
     residual     how far the mesh is off the reference after all that was fitted, over the diagonal; None without one
     readings     (h, n_bits) soft bits of all readings, where the method keeps them, for those who know the bits
+    log10_p      of the probability that values under a wrong key agree so well with codewords, of whatever bits, all
+                 that was tried charged; None where the method does not tell
     charges      (h,) by how much the p-value of each of these grows; the sum of the inverses is 1 at most. None: by
                  ``hypotheses``, or their number
     """
@@ -56,6 +58,7 @@ class Extraction:
     residual: float | None = None
     readings: Floats | None = None
     charges: Ints | None = None
+    log10_p: float | None = None
 
     @property
     def bits(self) -> Bits:
@@ -92,7 +95,8 @@ class Extraction:
         """The same, chosen among those of so many looks of the like."""
         kept = 0 if self.readings is None or self.charges is not None else len(self.readings)
         charges = None if self.charges is None else self.charges * count
-        return replace(self, hypotheses=max(self.hypotheses, kept) * count, charges=charges)
+        log10_p = None if self.log10_p is None else charge(self.log10_p, count)
+        return replace(self, hypotheses=max(self.hypotheses, kept) * count, charges=charges, log10_p=log10_p)
 
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
@@ -100,16 +104,25 @@ class Extraction:
             return self
         signs = 2.0 * np.asarray(bits, np.float64) - 1.0
         found = []
-        for readings, charge in self.charged:
+        for readings, tries in self.charged:
             agreement = readings @ signs / np.maximum(np.linalg.norm(readings, axis=1), 1e-12)
             best = np.asarray(readings[np.argmax(agreement)], np.float64)
-            found.append(Extraction(best, charge, view="the reading nearest to the known bits"))
+            found.append(Extraction(best, tries, view="the reading nearest to the known bits"))
         return min(found, key=lambda each: detect(each.soft, bits, hypotheses=each.hypotheses).log10_p)
 
     def detect(self, bits: ArrayLike, *, false_positive_rate: float = 1e-6) -> Detection:
-        """Test for known ``bits`` (n_bits,): of all readings the one that agrees best, every one charged."""
+        """Test for known ``bits`` (n,): of all readings the one that agrees best, every one charged.
+
+        What the values show whatever their bits is taken into account, where the method tells.
+        """
         read = self.nearest(bits)
-        return detect(read.soft, bits, false_positive_rate=false_positive_rate, hypotheses=read.hypotheses)
+        found = detect(read.soft, bits, false_positive_rate=false_positive_rate, hypotheses=read.hypotheses)
+        if self.log10_p is None:
+            return found
+        rate, tries, shown = false_positive_rate, self.hypotheses, self.log10_p
+        chosen = detect(self.soft, bits, false_positive_rate=rate, hypotheses=tries, shown=shown)
+        best = min(found, chosen, key=lambda each: each.log10_p)
+        return replace(best, log10_p=charge(best.log10_p, 2))
 
 
 @dataclass(frozen=True)

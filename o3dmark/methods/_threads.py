@@ -1,6 +1,8 @@
-"""How many threads the linear algebra of a method uses: one."""
+"""How many threads a method uses: one for linear algebra, all cores for its own compiled loops over many items."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 from threadpoolctl import threadpool_limits
@@ -14,3 +16,18 @@ def one_thread() -> Iterator[None]:
     """
     with threadpool_limits(limits=1):
         yield
+
+
+def in_parts(count: int, work: Callable[[int, int], None], least: int = 64) -> None:
+    """Do ``work(start, stop)`` for runs that make up 0 .. count; side by side, where there are ``least`` items or more.
+
+    The work is to let go of Python's lock, as numba's kernels do when told to. Numba's own threads are not asked: which
+    of its three kinds works hangs on what is installed, and on what else forks or starts threads.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if count < least or cores == 1:
+        work(0, count)
+        return
+    ends = [count * part // (4 * cores) for part in range(4 * cores + 1)]
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(work, ends[:-1], ends[1:]))

@@ -52,9 +52,22 @@ class Visibility:
         changes = self._energies(after.normals - self.surface.normals)
         for band, (level, change, own) in enumerate(zip(self._levels, changes, self._own, strict=True)):
             rows = rows if level.rows is None else level.rows[rows]
-            threshold2 = self._threshold(_FINEST * 2.0**band) ** 2
-            squares += (change / threshold2 / np.maximum(1.0, own / threshold2) ** _MASKING)[rows]
+            squares += self._visible(change, own, band)[rows]
         return np.asarray(np.sqrt(squares))
+
+    @cached_property
+    def acuity(self) -> Floats:
+        """How many just noticeable differences a contrast of 1 in every band would be at each vertex (n,)."""
+        squares, rows = np.zeros(len(self.surface.vertices)), np.arange(len(self.surface.vertices))
+        for band, (level, own) in enumerate(zip(self._levels, self._own, strict=True)):
+            rows = rows if level.rows is None else level.rows[rows]
+            squares += self._visible(1.0, own, band)[rows]
+        return np.asarray(np.sqrt(squares))
+
+    def _visible(self, change: Floats | float, own: Floats, band: int) -> Floats:
+        """The squared jnd of squared contrasts in a band, amid those of the surface as it is."""
+        threshold2 = self._threshold(_FINEST * 2.0**band) ** 2
+        return np.asarray(change / threshold2 / np.maximum(1.0, own / threshold2) ** _MASKING)
 
     def _threshold(self, width: float) -> float:
         """The contrast that is just seen in the band of a width, over the diagonal, where nothing masks it."""

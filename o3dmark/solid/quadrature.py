@@ -1,16 +1,34 @@
-"""A solid's surface as quadrature points: positions with area vectors, by which integrals over it become sums."""
+"""A surface as quadrature points: positions with area vectors, by which integrals over it become sums."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
-from o3dmark.solid.solid import Solid
 
 _MOST_PARTS = 600_000  # by which triangles may be cut; of 150 real meshes none needs more than 460 000
 _NOTHING = 1e-13  # of the area: a triangle so small counts as one point, however long it is
 _CORNERS = np.full((3, 3), 1 / 6) + np.eye(3) / 2  # the three-point rule, exact for quadratics
+
+
+class Facets(Protocol):
+    """What can be sampled: vertices (n, 3), triangles (m, 3) and their area vectors (m, 3), areas (m,) and whole area.
+
+    A `Solid`, or a `Surface`.
+    """
+
+    @property
+    def vertices(self) -> Floats: ...
+    @property
+    def triangles(self) -> Ints: ...
+    @property
+    def area_vectors(self) -> Floats: ...
+    @property
+    def areas(self) -> Floats: ...
+    @property
+    def area(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +47,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Rule:
-    """Where the points lie, for a solid and for the same solid moved a little.
+    """Where the points lie, on a surface and on the same surface moved a little.
 
     Of each point its ``triangle`` (q,), its ``share`` (q,) of the area and its barycentric coordinates ``weights``
     (q, 3) there.
@@ -39,29 +57,29 @@ class Rule:
     share: Floats
     weights: Floats
 
-    def samples(self, solid: Solid) -> Samples:
-        """The points on the surface of the solid that the rule was made for, its vertices moved or not."""
-        vertex = solid.triangles[self.triangle]
-        points = sum(self.weights[:, [c]] * solid.vertices[vertex[:, c]] for c in range(3))
-        area_vectors = self.share[:, None] * solid.area_vectors[self.triangle]
+    def samples(self, facets: Facets) -> Samples:
+        """The points on the surface that the rule was made for, its vertices moved or not."""
+        vertex = facets.triangles[self.triangle]
+        points = sum(self.weights[:, [c]] * facets.vertices[vertex[:, c]] for c in range(3))
+        area_vectors = self.share[:, None] * facets.area_vectors[self.triangle]
         return Samples(np.asarray(points), area_vectors, vertex, self.weights)
 
 
-def samples(solid: Solid, longest: float, shortest: float = 0.0) -> Samples:
-    """Quadrature points of a solid's surface, by the `rule` for it."""
-    return rule(solid, longest, shortest).samples(solid)
+def samples(facets: Facets, longest: float, shortest: float = 0.0) -> Samples:
+    """Quadrature points of a surface, by the `rule` for it."""
+    return rule(facets, longest, shortest).samples(facets)
 
 
-def rule(solid: Solid, longest: float, shortest: float = 0.0) -> Rule:
-    """Where to take points of a solid's surface, for functions that vary over lengths well above ``longest``.
+def rule(facets: Facets, longest: float, shortest: float = 0.0) -> Rule:
+    """Where to take points of a surface, for functions that vary over lengths well above ``longest``.
 
     Triangles with an edge above ``longest`` are split; each part then has three points, or one, its centroid, when all
     edges are below ``shortest`` or it has no area. Errors: MeshError where that makes too many, as of triangles far
     longer than all else.
     """
-    fine = (_longest_edge(solid.vertices, solid.triangles) < shortest) | (solid.areas < _NOTHING * solid.area)
+    fine = (_longest_edge(facets.vertices, facets.triangles) < shortest) | (facets.areas < _NOTHING * facets.area)
     whole, rest = np.flatnonzero(fine), np.flatnonzero(~fine)
-    owner, corners = _split(solid.vertices, solid.triangles[rest], longest)  # (p,), (p, 3 corners, 3 coordinates)
+    owner, corners = _split(facets.vertices, facets.triangles[rest], longest)  # (p,), (p, 3 corners, 3 coordinates)
     part = np.abs(np.linalg.det(corners))  # of the triangle's area: barycentric coordinates map it to a unit one
     triangle = np.concatenate([whole, np.repeat(rest[owner], 3)])
     share = np.concatenate([np.ones(len(whole)), np.repeat(part / 3.0, 3)])

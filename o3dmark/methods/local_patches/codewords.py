@@ -1,0 +1,129 @@
+"""The key's code on the coefficients of a patch: which carry pilots, which carry bits, and how a patch is recognised.
+
+Of the real coefficients, in units of the strength, some are pilots: they stand on codewords of 0. The others carry a
+share of the bits (see `scs`). What a pilot shows is where it stands within a period; what a carrier shows of a mark
+that nobody knows is where it stands within half a period. Under a wrong key both are uniform and independent, by the
+dither, so that the agreement
+
+    T = sum over pilots of cos(2 pi phase) + 1/2 sum over carriers of cos(4 pi phase)
+
+has Chernoff's bound, P(T >= x) <= min over l of I0(l)^pilots I0(l / 2)^carriers exp(-l x), for every surface; and given
+T, each bit is a fair coin still.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from o3dmark.arrays import Bits, Complexes, Floats, Ints
+from o3dmark.coding.keys import Key
+from o3dmark.coding.scs import ScalarCosta
+from o3dmark.methods.local_patches.disk import DiskFunctions, disk_functions
+from o3dmark.methods.local_patches.format import PatchFormat
+
+_SLOPES = np.linspace(0.02, 12.0, 300)  # l in the bound: any is valid
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """What patches of one kind carry: coefficient j of ``source`` (K,), pilots first; the bit (K - pilots,) of each
+    carrier, and the dither (K,) in periods."""
+
+    kind: int
+    functions: DiskFunctions
+    source: Ints
+    bit: Ints
+    dither: Floats
+
+    @classmethod
+    def all_of(cls, key: Key, form: PatchFormat, n_bits: int) -> "list[Share]":
+        """The key's, of patches of each kind."""
+        functions = disk_functions(form)
+        found = []
+        for kind, bit in enumerate(form.shares(n_bits)):
+            stream = key.stream(f"{form.stream}/{kind}")
+            source = stream.permutation(functions.n_real)
+            found.append(cls(kind, functions, source, bit, stream.uniform(functions.n_real)))
+        return found
+
+    @property
+    def pilots(self) -> int:
+        return len(self.source) - len(self.bit)
+
+    @cached_property
+    def _order(self) -> tuple[Ints, Ints, Floats]:
+        """Of each coefficient the disk function (K,), its order m (K,), and whether it is the imaginary part (K,)."""
+        function, imaginary = _real_parts(self.functions)
+        function, imaginary = function[self.source], imaginary[self.source]
+        return function, self.functions.order[function], imaginary
+
+    def waves(self, found: Complexes) -> tuple[Floats, Floats]:
+        """Coefficients (p, K) of cos(m angle) and sin(m angle) in what a patch shows, seen from another angle."""
+        function, _, imaginary = self._order
+        each = found[:, function]
+        return np.where(imaginary, each.imag, each.real), np.where(imaginary, each.real, -each.imag)
+
+    def turns(self, angles: Floats) -> tuple[Floats, Floats]:
+        """cos(m angle) and sin(m angle) of each coefficient: (a, K) both."""
+        phase = np.outer(angles, self._order[1])
+        return np.cos(phase), np.sin(phase)
+
+    def values(self, found: Complexes, angle: Floats) -> Floats:
+        """The real coefficients (p, K) of patches (p, q) seen from an angle (p,) each."""
+        cosine, sine = self.waves(found)
+        turn, turn_sine = self.turns(angle)
+        return np.asarray(cosine * turn + sine * turn_sine)
+
+    def restored(self, values: Floats, angle: Floats) -> Complexes:
+        """What patches show (p, q) that have such values (p, K) seen from an angle (p,) each."""
+        function, _, imaginary = self._order
+        found = np.zeros((len(values), len(self.functions.order)), np.complex128)
+        np.add.at(found.T, function, np.where(imaginary, 1j * values, values).T)
+        return np.asarray(found * np.exp(-1j * np.multiply.outer(angle, self.functions.order)))
+
+    def codewords(self, values: Floats, bits: Bits) -> Floats:
+        """The codeword of the bits that is nearest to each of the values (..., K), in periods."""
+        halves = np.concatenate([np.zeros(self.pilots), bits[self.bit]])
+        return ScalarCosta(1.0).codeword(values, halves, self.dither)
+
+    def soft(self, phase: Floats, n_bits: int) -> Floats:
+        """Soft bits (n_bits,) from phases (K,): 0 where no carrier has the bit."""
+        soft = -np.cos(2.0 * np.pi * phase[self.pilots :])
+        return np.asarray(np.bincount(self.bit, soft, n_bits))
+
+    def agreement(self, phase: Floats) -> Floats:
+        """T (...) of phases (..., K)."""
+        pilots, carriers = phase[..., : self.pilots], phase[..., self.pilots :]
+        return np.asarray(np.cos(2.0 * np.pi * pilots).sum(axis=-1) + 0.5 * np.cos(4.0 * np.pi * carriers).sum(axis=-1))
+
+    @property
+    def most(self) -> float:
+        """The highest T that there is."""
+        return self.pilots + 0.5 * len(self.bit)
+
+    def off(self, phase: Floats) -> tuple[Floats, Floats]:
+        """How far phases (..., K) are from codewords of either bit, and the period (K,) of these."""
+        period = np.where(np.arange(phase.shape[-1]) < self.pilots, 1.0, 0.5)
+        return phase - period * np.rint(phase / period), period
+
+    def log10_p(self, agreement: Floats) -> Floats:
+        """log10 of the probability (...) that a wrong key agrees so well."""
+        log_p = self._growth - _SLOPES * np.asarray(agreement)[..., None]
+        return np.asarray(np.minimum(log_p.min(axis=-1), 0.0) / np.log(10.0))
+
+    @cached_property
+    def _growth(self) -> Floats:
+        return np.asarray(self.pilots * _log_i0(_SLOPES) + len(self.bit) * _log_i0(0.5 * _SLOPES))
+
+
+def _real_parts(functions: DiskFunctions) -> tuple[Ints, Floats]:
+    """Of each real coefficient the disk function that it belongs to (K,), and whether it is its imaginary part (K,)."""
+    both = [(q, part) for q, m in enumerate(functions.order.tolist()) for part in ((False, True) if m else (False,))]
+    function, imaginary = zip(*both, strict=True)
+    return np.array(function, np.int64), np.array(imaginary)
+
+
+def _log_i0(x: Floats) -> Floats:
+    return np.asarray(np.log(special.i0e(x)) + x)

@@ -1,0 +1,375 @@
+"""What a patch of a surface measures: the flux of a field through all that lies in a cylinder.
+
+A patch has a centre c on the surface, an axis n, the mean normal about it, and a radius. In its coordinates, z along n
+and r, theta across it, the coefficient of a disk function f = G(r) exp(-i m theta) is
+
+    the integral over the surface of  z t(|z|) f(r, theta) n . dA,     over the cube of the radius,
+
+the taper t bringing it to zero at the lids. As the divergence theorem has it, moving the surface by dx changes it by
+the integral of d(z t)/dz f dx . dA: what the cylinder holds is measured, not a height, so that folds need no care.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from o3dmark.arrays import Bools, Complexes, Floats, Ints
+from o3dmark.mesh import geometry
+from o3dmark.mesh.surface import Surface
+from o3dmark.methods._threads import in_parts
+from o3dmark.methods.local_patches.disk import DiskFunctions
+from o3dmark.methods.local_patches.format import PatchFormat, smooth_end
+from o3dmark.solid.quadrature import Rule, Samples, rule
+
+_CELL = 0.4  # side of the grid's cells, over the radius
+_MOST_CELLS = 1 << 22
+_LONGEST_EDGE, _ONE_POINT = 0.15, 0.1  # of triangles that are sampled by three points, and by one, over the radius
+_COARSE_POINT = 0.17  # the latter, for a first look
+_RINGS = 256  # of a first look
+_LANES = 4  # powers that are worked out side by side
+_RIM = 0.95, 0.95  # of radius and half height: a boundary further in spoils a patch
+
+
+class Grid(NamedTuple):
+    """Points (q, 3) sorted by cubes of side ``cell`` from ``low`` (3,) on; those of cube i are ``first[i]`` to i + 1's.
+
+    ``vectors`` (q, 3) are their area vectors, ``place`` (q,) their numbers before they were sorted.
+    """
+
+    points: Floats
+    vectors: Floats
+    place: Ints
+    first: Ints
+    shape: Ints
+    low: Floats
+    cell: float
+
+    @classmethod
+    def of(cls, points: Floats, vectors: Floats, cell: float) -> "Grid":
+        """A grid of cells of that side, or larger ones where that would make too many."""
+        low = points.min(axis=0)
+        extent = points.max(axis=0) - low
+        while np.prod(np.floor(extent / cell) + 1.0) > _MOST_CELLS:
+            cell *= 1.5
+        shape = np.floor(extent / cell).astype(np.int64) + 1
+        x, y, z = np.minimum((points - low) // cell, shape - 1).astype(np.int64).T
+        cube = (x * shape[1] + y) * shape[2] + z
+        place = np.argsort(cube, kind="stable")
+        first = np.searchsorted(cube[place], np.arange(np.prod(shape) + 1))
+        return cls(points[place], vectors[place], place, first, shape, low, cell)
+
+
+class Patches(NamedTuple):
+    """Centres (p, 3) and axes (p, 3) of patches of one ``radius``."""
+
+    form: PatchFormat
+    centre: Floats
+    axis: Floats
+    radius: float
+
+    def among(self, chosen: Bools | Ints) -> "Patches":
+        """Some of them, by their numbers or a mask."""
+        return self._replace(centre=self.centre[chosen], axis=self.axis[chosen])
+
+    def frames(self) -> Floats:
+        """The rows (p, 3, 3) of each are its two directions across the axis, and the axis."""
+        return _frames(self.axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A surface as patches of a radius see it."""
+
+    form: PatchFormat
+    surface: Surface
+    radius: float
+
+    @cached_property
+    def rule(self) -> Rule:
+        """Where it is sampled, once as finely as is worth while. Errors: MeshError as `quadrature.rule`."""
+        return rule(self.surface, _LONGEST_EDGE * self.radius, _ONE_POINT * self.radius)
+
+    @cached_property
+    def samples(self) -> Samples:
+        return self.rule.samples(self.surface)
+
+    @cached_property
+    def grid(self) -> Grid:
+        return grid_of(self.samples.points, self.samples.area_vectors, self.radius)
+
+    @cached_property
+    def coarse(self) -> Grid:
+        """The grid of fewer points, for a first look."""
+        found = rule(self.surface, 2.0 * _COARSE_POINT * self.radius, _COARSE_POINT * self.radius)
+        samples = found.samples(self.surface)
+        return grid_of(samples.points, samples.area_vectors, self.radius)
+
+    @cached_property
+    def boundary(self) -> Grid | None:
+        """Points along the edges that one triangle has alone, if there are any."""
+        points = _along(*geometry.boundary_edges(self.surface.vertices, self.surface.triangles), 0.1 * self.radius)
+        return grid_of(points, np.zeros_like(points), self.radius) if len(points) else None
+
+    def patches(self, centres: Floats, normals: Floats) -> "Patches":
+        """Those about centres (p, 3), the normals there (p, 3)."""
+        return patches_at(self.form, self.grid, centres, normals, self.radius)
+
+    def whole(self, patches: "Patches") -> Bools:
+        """Whether patches (p,) are clear of any boundary, so that they measure what was written."""
+        if self.boundary is None:
+            return np.ones(len(patches.centre), bool)
+        cylinders = patches.centre, patches.frames(), patches.radius, *_RIM, self.form.half_height
+        found = np.zeros(len(patches.centre), bool)
+        in_parts(len(found), lambda *part: _holds(*part, self.boundary, *cylinders, found))
+        return ~found
+
+
+def grid_of(points: Floats, vectors: Floats, radius: float) -> Grid:
+    """A grid that suits patches of a radius."""
+    return Grid.of(points, vectors, _CELL * radius)
+
+
+def patches_at(form: PatchFormat, grid: Grid, centres: Floats, normals: Floats, radius: float) -> Patches:
+    """Patches about centres (p, 3); the mean normals start from ``normals`` (p, 3)."""
+    axis = np.ascontiguousarray(normals, np.float64)
+    centre = np.ascontiguousarray(centres, np.float64)
+    for _ in range(form.passes):
+        axis = _averaged(grid, centre, axis, form.normal_radius * radius)
+    return Patches(form, centre, axis, radius)
+
+
+def coefficients(grid: Grid, patches: Patches, functions: DiskFunctions) -> Complexes:
+    """The coefficients (p, q) of the disk functions in each patch."""
+    return _measured(_coefficients, grid, patches, functions.order, functions.by_radius)
+
+
+def first_look(grid: Grid, patches: Patches, functions: DiskFunctions) -> Complexes:
+    """The same, what a patch holds taken together in rings: to 0.02 of each wave, in a quarter of the time."""
+    middle = (np.arange(_RINGS) + 0.5) / _RINGS * (len(functions.by_radius) - 1)
+    radial = functions.by_radius[np.rint(middle).astype(np.int64)]
+    return _measured(_first_look, grid, patches, functions.order, radial)
+
+
+def _averaged(grid: Grid, centres: Floats, normals: Floats, reach: float) -> Floats:
+    means = np.empty_like(normals)
+    in_parts(len(means), lambda *part: _mean_normals(*part, grid, centres, normals, reach, means))
+    return means
+
+
+def _measured(kernel: Callable[..., None], grid: Grid, patches: Patches, order: Ints, radial: Floats) -> Complexes:
+    form, shape = patches.form, (len(patches.centre), len(order))
+    cylinders = patches.centre, patches.frames(), patches.radius, form.half_height, form.lid
+    real, imaginary = np.zeros(shape), np.zeros(shape)
+    in_parts(len(real), lambda *part: kernel(*part, grid, *cylinders, order, radial, real, imaginary))
+    return np.asarray(real + 1j * imaginary)
+
+
+def held(points: Floats, patches: Patches) -> Ints:
+    """Which points (q, 3) lie in the cylinder of the one patch (k,)."""
+    reach = patches.radius * np.hypot(1.0, patches.form.half_height)
+    near = np.flatnonzero((np.abs(points - patches.centre[0]) < reach).all(axis=1))
+    offset = (points[near] - patches.centre[0]) @ patches.frames()[0].T / patches.radius
+    return near[(np.hypot(offset[:, 0], offset[:, 1]) < 1.0) & (np.abs(offset[:, 2]) < patches.form.half_height)]
+
+
+def answers(points: Floats, patches: Patches, functions: DiskFunctions) -> Complexes:
+    """What the coefficients of the one patch gain (k, q) for points (k, 3) that it holds.
+
+    To a motion dx of a sample with area vector a they answer by that times a . dx.
+    """
+    offset = (points - patches.centre[0]) @ patches.frames()[0].T / patches.radius
+    r, height = np.hypot(offset[:, 0], offset[:, 1]), np.abs(offset[:, 2]) / patches.form.half_height
+    taper, slope = smooth_end(height, patches.form.lid)
+    speed = (taper + height * slope) / patches.radius**3
+    position = r * (functions.table.shape[1] - 1)
+    left = np.minimum(position.astype(np.int64), functions.table.shape[1] - 2)
+    radial = functions.table[:, left] + (position - left) * (functions.table[:, left + 1] - functions.table[:, left])
+    turn = np.exp(-1j * np.arctan2(offset[:, 1], offset[:, 0])[:, None] * functions.order)
+    return np.asarray(speed[:, None] * radial.T * turn)
+
+
+def _along(start: Floats, end: Floats, spacing: float) -> Floats:
+    """Points of segments (e, 3), no further than ``spacing`` apart."""
+    if not len(start):
+        return np.empty((0, 3))
+    count = np.ceil(np.linalg.norm(end - start, axis=1) / spacing).astype(np.int64) + 1
+    which = np.repeat(np.arange(len(start)), count)
+    step = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / np.maximum(count - 1, 1)[which]
+    return np.asarray(start[which] + step[:, None] * (end - start)[which])
+
+
+def _frames(axis: Floats) -> Floats:
+    least = np.abs(axis).argmin(axis=1)
+    across = np.cross(axis, np.eye(3)[least])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    return np.ascontiguousarray(np.stack([across, np.cross(axis, across), axis], axis=1))
+
+
+@njit(inline="always")
+def _span(grid, centre, reach, axis):  # type: ignore[no-untyped-def]
+    low = int(np.floor((centre[axis] - reach - grid.low[axis]) / grid.cell))
+    high = int(np.floor((centre[axis] + reach - grid.low[axis]) / grid.cell))
+    return max(low, 0), min(high, grid.shape[axis] - 1)
+
+
+@njit(nogil=True, cache=True)
+def _mean_normals(start, stop, grid, centres, normals, reach, means):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        centre, normal = centres[i], normals[i]
+        x0, x1 = _span(grid, centre, reach, 0)
+        y0, y1 = _span(grid, centre, reach, 1)
+        z0, z1 = _span(grid, centre, reach, 2)
+        sum0 = sum1 = sum2 = 0.0
+        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
+            for y in range(y0, y1 + 1):
+                row = (x * grid.shape[1] + y) * grid.shape[2]
+                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
+                    d0 = grid.points[j, 0] - centre[0]
+                    d1 = grid.points[j, 1] - centre[1]
+                    d2 = grid.points[j, 2] - centre[2]
+                    away = 1.0 - (d0 * d0 + d1 * d1 + d2 * d2) / (reach * reach)
+                    if away <= 0.0:
+                        continue
+                    v0, v1, v2 = grid.vectors[j, 0], grid.vectors[j, 1], grid.vectors[j, 2]
+                    facing = v0 * normal[0] + v1 * normal[1] + v2 * normal[2]
+                    if facing <= 0.0:
+                        continue
+                    weight = away * away
+                    sum0 += weight * v0
+                    sum1 += weight * v1
+                    sum2 += weight * v2
+        length = np.sqrt(sum0 * sum0 + sum1 * sum1 + sum2 * sum2)
+        if length > 0.0:
+            means[i, 0], means[i, 1], means[i, 2] = sum0 / length, sum1 / length, sum2 / length
+        else:
+            means[i] = normal
+
+
+@njit(nogil=True, cache=True, fastmath=True)
+def _coefficients(start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary):  # type: ignore[no-untyped-def]
+    n_functions, steps = radial.shape[1], radial.shape[0] - 1
+    highest = order[-1]
+    first = np.searchsorted(order, np.arange(highest + 2))
+    height = half_height * radius
+    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    for i in range(start, stop):
+        centre = centres[i]
+        e, f, n = frames[i, 0], frames[i, 1], frames[i, 2]
+        re, im = real[i], imaginary[i]
+        cosine, sine = np.empty(n_functions), np.empty(n_functions)
+        x0, x1 = _span(grid, centre, reach, 0)
+        y0, y1 = _span(grid, centre, reach, 1)
+        z0, z1 = _span(grid, centre, reach, 2)
+        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
+            for y in range(y0, y1 + 1):
+                row = (x * grid.shape[1] + y) * grid.shape[2]
+                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
+                    d0 = grid.points[j, 0] - centre[0]
+                    d1 = grid.points[j, 1] - centre[1]
+                    d2 = grid.points[j, 2] - centre[2]
+                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
+                    if abs(up) >= height:
+                        continue
+                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
+                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
+                    r = np.sqrt(u * u + v * v)
+                    if r >= radius:
+                        continue
+                    flux = grid.vectors[j, 0] * n[0] + grid.vectors[j, 1] * n[1] + grid.vectors[j, 2] * n[2]
+                    s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
+                    weight = flux * up * (1.0 - s * s * (3.0 - 2.0 * s)) / radius**3
+                    c1, s1 = (u / r, -v / r) if r > 0.0 else (1.0, 0.0)
+                    cm, sm = 1.0, 0.0
+                    for m in range(highest + 1):
+                        for q in range(first[m], first[m + 1]):
+                            cosine[q], sine[q] = cm, sm
+                        cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
+                    position = r / radius * steps
+                    k = min(int(position), steps - 1)
+                    part = position - k
+                    for q in range(n_functions):
+                        g = weight * (radial[k, q] + part * (radial[k + 1, q] - radial[k, q]))
+                        re[q] += g * cosine[q]
+                        im[q] += g * sine[q]
+
+
+@njit(nogil=True, cache=True, fastmath=True)
+def _first_look(start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary):  # type: ignore[no-untyped-def]
+    n_functions, rings = radial.shape[1], radial.shape[0]
+    blocks = order[-1] // _LANES + 1
+    height = half_height * radius
+    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    for i in range(start, stop):
+        centre = centres[i]
+        e, f, n = frames[i, 0], frames[i, 1], frames[i, 2]
+        of_rings = np.zeros((2, rings, blocks * _LANES), np.float32)
+        cosine, sine = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
+        x0, x1 = _span(grid, centre, reach, 0)
+        y0, y1 = _span(grid, centre, reach, 1)
+        z0, z1 = _span(grid, centre, reach, 2)
+        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
+            for y in range(y0, y1 + 1):
+                row = (x * grid.shape[1] + y) * grid.shape[2]
+                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
+                    d0 = grid.points[j, 0] - centre[0]
+                    d1 = grid.points[j, 1] - centre[1]
+                    d2 = grid.points[j, 2] - centre[2]
+                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
+                    if abs(up) >= height:
+                        continue
+                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
+                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
+                    r = np.sqrt(u * u + v * v)
+                    if r >= radius:
+                        continue
+                    flux = grid.vectors[j, 0] * n[0] + grid.vectors[j, 1] * n[1] + grid.vectors[j, 2] * n[2]
+                    s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
+                    weight = flux * up * (1.0 - s * s * (3.0 - 2.0 * s)) / radius**3
+                    ring = int(r / radius * rings)
+                    if r == 0.0:
+                        u, v, r = 1.0, 0.0, 1.0
+                    cm, sm, c1, s1 = np.float32(weight), np.float32(0.0), np.float32(u / r), np.float32(-v / r)
+                    for lane in range(_LANES):
+                        cosine[lane], sine[lane] = cm, sm
+                        cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
+                    c2, s2 = c1 * c1 - s1 * s1, np.float32(2.0) * c1 * s1
+                    c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * c2 * s2
+                    a, b = of_rings[0, ring], of_rings[1, ring]
+                    for block in range(blocks):
+                        for lane in range(_LANES):
+                            c, s = cosine[lane], sine[lane]
+                            a[block * _LANES + lane] += c
+                            b[block * _LANES + lane] += s
+                            cosine[lane] = c * c4 - s * s4
+                            sine[lane] = s * c4 + c * s4
+        for ring in range(rings):
+            for q in range(n_functions):
+                real[i, q] += radial[ring, q] * of_rings[0, ring, order[q]]
+                imaginary[i, q] += radial[ring, q] * of_rings[1, ring, order[q]]
+
+
+@njit(nogil=True, cache=True)
+def _holds(start, stop, grid, centres, frames, radius, rim, lid, half_height, found):  # type: ignore[no-untyped-def]
+    height = lid * half_height * radius
+    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    for i in range(start, stop):
+        centre, e, f, n = centres[i], frames[i, 0], frames[i, 1], frames[i, 2]
+        x0, x1 = _span(grid, centre, reach, 0)
+        y0, y1 = _span(grid, centre, reach, 1)
+        z0, z1 = _span(grid, centre, reach, 2)
+        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
+            for y in range(y0, y1 + 1):
+                row = (x * grid.shape[1] + y) * grid.shape[2]
+                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
+                    d0 = grid.points[j, 0] - centre[0]
+                    d1 = grid.points[j, 1] - centre[1]
+                    d2 = grid.points[j, 2] - centre[2]
+                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
+                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
+                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
+                    if abs(up) < height and u * u + v * v < rim * rim * radius * radius:
+                        found[i] = True
