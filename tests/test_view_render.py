@@ -89,9 +89,58 @@ def test_a_mirror_shows_level_stripes_and_kinks_them_where_normals_turn(sphere):
     assert mirror > 5 * clay
 
 
-def test_a_mirror_has_no_scalars(sphere):
+@pytest.mark.parametrize("look", ["gloss", "zebra", "texture"])
+def test_only_clay_has_scalars(sphere, look):
     with pytest.raises(ValueError, match="no scalars"):
-        render(sphere, np.zeros(len(sphere.vertices)), look="zebra")
+        render(sphere, np.zeros(len(sphere.vertices)), look=look)
+
+
+def test_varnish_gleams(sphere):
+    clay, gloss = (
+        render(sphere, look=look, camera=FRONT, size=SMALL).astype(int).sum(axis=2) for look in ("clay", "gloss")
+    )
+    shown = clay < 3 * 255
+    assert (gloss - clay).max() > 100  # in one place
+    assert np.abs(np.median((gloss - clay)[shown])) < 15
+
+
+def dressed(picture, *, repeated=False):
+    """A square towards the eye that wears a picture, its triangles in an order that leaves a repeated one out."""
+    square = triangle_mesh(
+        np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float), np.array([[0, 1, 2], [0, 2, 3]])
+    )
+    uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], float)
+    if repeated:
+        square.triangles = o3d.utility.Vector3iVector(np.array([[0, 1, 2], [1, 2, 0], [0, 2, 3]]))
+        uvs = np.insert(uvs, 3, np.zeros((3, 2)), axis=0)
+    square.triangle_uvs = o3d.utility.Vector2dVector(uvs)
+    square.textures = [o3d.geometry.Image(picture)]
+    square.triangle_material_ids = o3d.utility.IntVector(np.zeros(len(square.triangles), np.int32))
+    return square
+
+
+def test_a_texture_is_where_its_coordinates_say():
+    picture = np.zeros((8, 8, 3), np.uint8)
+    picture[:4, :4], picture[:4, 4:], picture[4:, :4] = [255, 0, 0], [0, 255, 0], [0, 0, 255]
+    plain, repeated = (
+        render(dressed(picture, repeated=each), look="texture", camera=FRONT, size=SMALL).astype(int)
+        for each in (False, True)
+    )
+    quarters = [plain[28, 40], plain[28, 56], plain[44, 40]]  # v = 0 is up here
+    assert [int(each.argmax()) for each in quarters] == [0, 1, 2]
+    assert all(each.max() - np.median(each) > 100 for each in quarters)
+    assert np.array_equal(plain, repeated)
+
+
+def test_a_texture_that_is_not_there_is_missed(sphere):
+    with pytest.raises(MeshError, match="no texture"):
+        render(sphere, look="texture", size=SMALL)
+    with pytest.raises(MeshError, match="point cloud has no texture"):
+        render(point_cloud(np.eye(3)), look="texture", size=SMALL)
+    bare = dressed(np.zeros((2, 2, 3), np.uint8))
+    bare.triangle_material_ids = o3d.utility.IntVector([0, 3])
+    with pytest.raises(MeshError, match="wears 4 pictures and has 1"):
+        render(bare, look="texture", size=SMALL)
 
 
 def test_limits_and_colormap_are_those_asked_for(sphere):

@@ -58,7 +58,7 @@ class Surface:
         _check(vertices, triangles)
         kept, position = geometry.weld(vertices)
         corners = position[triangles]
-        corners = corners[_proper(corners)]
+        corners = corners[proper_triangles(corners)]
         used = geometry.used_vertices(corners)
         if not len(used) or not geometry.diagonal(vertices[kept[used]]):
             raise MeshError("the mesh has no triangle with three different corners")
@@ -262,7 +262,7 @@ def _check(vertices: Floats, triangles: Ints) -> None:
         raise MeshError(f"{bad.sum()} vertices have coordinates that are not finite; the first is {bad.argmax()}")
 
 
-def _proper(corners: Ints) -> NDArray[np.bool_]:
+def proper_triangles(corners: Ints) -> NDArray[np.bool_]:
     """True (m,) for triangles with three different corners, at the first appearance of their corner set."""
     ordered = np.sort(corners, axis=1)
     first = np.zeros(len(corners), bool)

@@ -14,17 +14,19 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
 
-from o3dmark.errors import BackendError
+from o3dmark.errors import BackendError, MeshError
 from o3dmark.files import replacing
 from o3dmark.mesh import geometry
 from o3dmark.mesh.rays import scene_of
+from o3dmark.mesh.surface import Surface
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import checked_scalars, colour_limits, colours
 from o3dmark.view.model import Model, n_vertices, positions, shape_of
 from o3dmark.view.shading import Hits, open_sky, shade, zebra
+from o3dmark.view.texture import Texture
 
 Image = NDArray[np.uint8]
-Look: TypeAlias = Literal["clay", "zebra"]
+Look: TypeAlias = Literal["clay", "gloss", "zebra", "texture"]
 
 SAMPLES = 2  # rays a pixel along each side, so that edges are smooth
 MATERIAL = np.array([0.80, 0.765, 0.72])  # sRGB: a warm grey, like clay
@@ -46,15 +48,17 @@ def render(
 
     scalars: one number a vertex (or point), shown as colours of a matplotlib ``colormap`` that spans ``limits``, by
     default the 2nd to the 98th percentile. frame: the mesh that the camera is fitted to, so that several are drawn
-    alike; by default this one. look: clay, or zebra, a mirror under light tubes, whose stripes show what clay hides;
-    it has no scalars. The mesh's own colours are not drawn. The same call gives the same picture.
-    Errors: MeshError when there is nothing to draw or the scalars do not fit; SpecError for an unknown colormap.
+    alike; by default this one. look: clay; gloss, the same varnished; zebra, a mirror under light tubes, whose stripes
+    show what clay hides; texture, the picture that the mesh wears. Only clay has scalars. Colours of vertices are not
+    drawn. The same call gives the same picture.
+    Errors: MeshError when there is nothing to draw, no texture, or the scalars do not fit; SpecError for an unknown
+    colormap.
     """
     width, height = size
     if width < 1 or height < 1:
         raise ValueError(f"a picture of {width} x {height} pixels has no pixel")
-    if look == "zebra" and scalars is not None:
-        raise ValueError("a zebra view has no scalars")
+    if look != "clay" and scalars is not None:
+        raise ValueError(f"a {look} view has no scalars")
     shape = shape_of(mesh)
     fit = positions(shape if frame is None else shape_of(frame))
     centre, to_camera = geometry.box_centre(fit), camera.axes.T / (geometry.diagonal(fit) or 1.0)
@@ -65,7 +69,14 @@ def render(
     material = MATERIAL
     if values is not None and hits.scalars is not None:
         material = colours(hits.scalars, limits or colour_limits(values), colormap)
-    light = zebra(hits) if look == "zebra" else shade(hits, open_sky(scene, hits), material**GAMMA)
+    if look == "texture":
+        if not isinstance(shape, Surface):
+            raise MeshError("a point cloud has no texture to draw")
+        material = Texture.of(mesh, shape).at(hits.triangle, hits.weights)
+    if look == "zebra":
+        light = zebra(hits)
+    else:
+        light = shade(hits, open_sky(scene, hits), material**GAMMA, varnished=look == "gloss")
     picture = np.ones((SAMPLES * height, SAMPLES * width, 3), np.float32)
     picture[hits.row, hits.column] = light.clip(0, 1) ** (1 / GAMMA)
     pixels = picture.reshape(height, SAMPLES, width, SAMPLES, 3).mean(axis=(1, 3))

@@ -20,7 +20,8 @@ KEY, KEY_COLOUR = (-0.455, 0.655, 0.603), 0.80 * np.array([1.0, 0.985, 0.96], np
 FILL, FILL_COLOUR = (0.863, 0.05, 0.503), 0.16 * np.array([0.93, 0.97, 1.0], np.float32)
 SKY_COLOUR = 0.46 * np.array([0.98, 0.99, 1.0], np.float32)
 GROUND_COLOUR = 0.26 * np.array([1.0, 0.97, 0.93], np.float32)
-GLOSS, GLOSS_EXPONENT = 0.05, 30.0
+GLOSS, GLOSS_EXPONENT = 0.05, 30.0  # of clay
+VARNISH, VARNISH_EXPONENT = 0.6, 90.0  # of what is glossy
 STRIPES = 14  # light tubes from the ground to the zenith, that a zebra view reflects
 EDGE = 0.12  # of a stripe's width, over which it goes from dark to light
 DARK, LIGHT = 0.02, 0.9
@@ -31,7 +32,8 @@ class Hits:
     """What k of a picture's rays see.
 
     row, column (k,): which rays. points (k, 3): where they meet the model; there, normals (k, 3), smooth, of length one
-    and turned to the eye, to_eye (k, 3), the way back, and scalars (k,) or None.
+    and turned to the eye, to_eye (k, 3), the way back, and scalars (k,) or None; the triangle (k,) that each is in, and
+    the weights of its corners there (k, 3).
     """
 
     row: Ints
@@ -40,6 +42,8 @@ class Hits:
     normals: Float32s
     to_eye: Float32s
     scalars: Floats | None
+    triangle: Ints
+    weights: Floats
 
     @classmethod
     def of(cls, model: Model, scene: o3d.t.geometry.RaycastingScene, rays: Float32s) -> "Hits":
@@ -54,7 +58,7 @@ class Hits:
         normals = _unit((weights[:, None] @ model.normals[triangle])[:, 0])
         normals[_dot(flat, direction) > 0] *= -1  # the inside of an open mesh is drawn like its outside
         scalars = None if model.scalars is None else _dot(weights, model.scalars[model.triangles[triangle]])
-        return cls(row, column, origin + distance[:, None] * direction, normals, -direction, scalars)
+        return cls(row, column, origin + distance[:, None] * direction, normals, -direction, scalars, triangle, weights)
 
 
 def open_sky(scene: o3d.t.geometry.RaycastingScene, hits: Hits) -> Float32s:
@@ -78,13 +82,14 @@ def open_sky(scene: o3d.t.geometry.RaycastingScene, hits: Hits) -> Float32s:
     return np.asarray(total / count)
 
 
-def shade(hits: Hits, sky: Float32s, material: Floats) -> Float32s:
+def shade(hits: Hits, sky: Float32s, material: Floats, *, varnished: bool = False) -> Float32s:
     """Linear light (k, 3) that reaches the eye from a ``material`` (3,) or (k, 3), linear too, under an `open_sky`."""
+    amount, exponent = (VARNISH, VARNISH_EXPONENT) if varnished else (GLOSS, GLOSS_EXPONENT)
     key, fill = ((hits.normals @ np.array(lamp, np.float32)).clip(0)[:, None] for lamp in (KEY, FILL))
     upward = 0.5 + 0.5 * hits.normals[:, 1:2]
     ambient = GROUND_COLOUR + (SKY_COLOUR - GROUND_COLOUR) * upward
     near = 0.45 + 0.55 * sky[:, None]  # what hides the sky hides the lamps in part, which are not points
-    gloss = GLOSS * _dot(hits.normals, _unit(hits.to_eye + np.array(KEY, np.float32))).clip(0) ** GLOSS_EXPONENT
+    gloss = amount * _dot(hits.normals, _unit(hits.to_eye + np.array(KEY, np.float32))).clip(0) ** exponent
     light = near * (key * KEY_COLOUR + fill * FILL_COLOUR) + sky[:, None] * ambient
     return np.asarray(light * material.astype(np.float32) + near * gloss[:, None])
 
