@@ -127,6 +127,23 @@ def motions(result: Results, *, before: str, after: str) -> Lines:
     return ["mesh", *kinds, "every bit read after attacks"], lines
 
 
+def held_back(result: Results) -> Lines:
+    """What is seen of marks and how strong they are, method by method, and how many readings had every bit; "refused"
+    where the mesh held no mark."""
+    lines = []
+    for mesh in result.meshes:
+        cells = []
+        for who in result.entries:
+            rows = [row for row in result.of(who, UNTOUCHED) if row.mesh == mesh and row.failure is None]
+            read = [row for row in result.attacked(who) if row.mesh == mesh and row.failure is None]
+            costs = [fmean(_figure(row, name) for row in rows) for name in ("jnd", "mrms")] if rows else []
+            exact = f"{sum(row.bit_errors == 0 for row in read)} of {len(read)}"
+            cells += [f"{costs[0]:.2f}", f"{1e3 * costs[1]:.2f}", exact] if costs else ["refused", "–", "–"]
+        lines.append([inline(mesh), *cells])
+    heads = ([f"{inline(who.name)}: jnd", "MRMS · 10³", "every bit read"] for who in result.entries)
+    return ["mesh", *(head for each in heads for head in each)], lines
+
+
 def _figure(row: Row, name: str) -> float:
     value = row.step if name == "step" else row.metrics[name]
     assert value is not None

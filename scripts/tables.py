@@ -351,6 +351,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
     "edits": (edits_table, EDITS),
     "motion": (lambda: grid(*counts.motions(results("motion"), before="least", after="unseen")), ("motion",)),
+    "cap and eye": (lambda: grid(*counts.held_back(results("seen"))), ("seen",)),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),
     **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},
 }

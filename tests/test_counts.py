@@ -158,6 +158,22 @@ def test_two_ways_to_move_stand_in_one_cell(counts: ModuleType, tmp_path: Path) 
     assert cells["every bit read after attacks"] == "12 → 10 of 12"
 
 
+def test_what_holds_a_mark_back_stands_method_by_method(counts: ModuleType, tmp_path: Path) -> None:
+    campaign = replace(PLAIN, metrics=("jnd", "mrms"), wrong_keys=0, unmarked=0)
+
+    def change(row: Row) -> Row:
+        if (row.mesh, row.label) == ("Vase", "second"):
+            return replace(row, metrics={}, failure="marking: MeshError: no")
+        errors = int(row.label == "first" and row.condition == "loop")
+        return replace(row, metrics={"jnd": 0.5, "mrms": 1e-3}, bit_errors=errors)
+
+    keep(tmp_path, campaign, invented_rows(campaign, change))
+    head, lines = counts.held_back(Results.load(tmp_path))
+    assert [name.split(": ")[-1] for name in head] == ["mesh", *["jnd", "MRMS · 10³", "every bit read"] * 2]
+    vase = next(line for line in lines if line[0] == "Vase")
+    assert vase[1:] == ["0.50", "1.00", "10 of 12", "refused", "–", "–"]
+
+
 def test_second_marks_are_counted_by_profile_and_mesh(counts: ModuleType, tmp_path: Path) -> None:
     rows = tmp_path / "rows.csv"
     lines = ["mesh,profile,seed,read,log10_p,msdm,date"]
