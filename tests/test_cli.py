@@ -45,9 +45,9 @@ def test_keygen_makes_a_private_key_and_keeps_an_old_one(tmp_path: Path, capsys:
 def test_embed_and_extract(folder: Path, tmp_path: Path, capsys: Any) -> None:
     out, key = tmp_path / "out.ply", folder / "owner.key"
     code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", key, "--message", MESSAGE, "--json")
-    assert code == 0
+    assert (code, err) == (0, "")
     assert out.exists()
-    assert "the cap holds it back" in err
+    assert "the cap holds it back" in result["strength"]
     wanted = "output method n_bits message mrms hausdorff max_displacement jnd strength_by verified seconds".split()  # noqa: SIM905
     assert set(wanted) <= set(result)
     assert result["verified"] is True
@@ -86,6 +86,15 @@ def test_a_wrong_key_is_a_no_without_a_message(folder: Path, tmp_path: Path, cap
     code, result, err = run(capsys, "extract", folder / "marked.ply", *words)
     assert (code, result["found"], result["message"]) == (1, False, None)
     assert MESSAGE not in err
+
+
+def test_a_mark_that_the_eye_holds_back_says_so(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    words = ("--message", MESSAGE, "--method", "shape-spectrum:jnd=0.2", "--json")
+    out = tmp_path / "out.ply"
+    code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", folder / "owner.key", *words)
+    assert (code, result["strength_by"]) == (0, "jnd")
+    assert result["strength"] in err
+    assert "so much less it survives" in err
 
 
 def test_what_cannot_be_read_back_is_not_kept(folder: Path, tmp_path: Path, capsys: Any) -> None:

@@ -85,11 +85,12 @@ def embed(
     report |= mark.to_dict() | {"message": message, "bits": bits, "verified": marked.verified}
     strength = marking.strength(marked, mark.method)
     cost = dict.fromkeys(_COSTS) if strength is None else strength.to_dict()
-    report |= cost | {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
+    report |= cost | {"strength": None if strength is None else strength.words}
+    report |= {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
     report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}
     report |= {"files": sorted({*marked.files, *target.copies}) if marked.verified else []}
     print_result(report | {"seconds": since(started)}, json)
-    if strength is not None:
+    if strength is not None and strength.by == "jnd":
         say(strength.words)
     _say_what_happened(marked, target)
     if not marked.verified:

@@ -35,7 +35,7 @@ class Strength:
     @property
     def words(self) -> str:
         """The same as a line for people."""
-        seen = f"strength: an MRMS of {self.mrms:.2g} of the diagonal, {self.jnd:.2f} just noticeable differences"
+        seen = f"an MRMS of {self.mrms:.2g} of the diagonal, {self.jnd:.2f} just noticeable differences"
         if self.by is None or self.cap is None:
             return seen
         if self.by == "cap":
