@@ -98,6 +98,15 @@ class Extraction:
         log10_p = None if self.log10_p is None else charge(self.log10_p, count)
         return replace(self, hypotheses=max(self.hypotheses, kept) * count, charges=charges, log10_p=log10_p)
 
+    def beside(self, other: "Extraction") -> "Extraction":
+        """The same, preferred to another of the same mesh whose readings may be asked too; either has half of the
+        evidence."""
+        one, two = self.times(2), other.times(2)
+        parts = [(readings, tries) for each in (one, two) for readings, tries in each.charged]
+        readings = np.concatenate([readings for readings, _ in parts])
+        charges = np.concatenate([np.full(len(readings), tries, np.int64) for readings, tries in parts])
+        return replace(one, readings=readings, charges=charges)
+
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""
         if self.readings is None or not len(self.readings):
@@ -142,6 +151,11 @@ class Method(abc.ABC):
     def sight(self) -> "Method":
         """A method that observes the same in a mesh: what one has observed another with the same sight takes."""
         return self
+
+    @property
+    def layers(self) -> "dict[str, Method]":
+        """Methods that each carry the bits in their own way, by name, where this one is made up of several."""
+        return {}
 
     @property
     def limits(self) -> dict[str, float]:

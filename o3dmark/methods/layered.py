@@ -1,0 +1,138 @@
+"""One mark in two layers: in the solid as a whole, and in patches of its surface.
+
+The solid's layer withstands what happens to a whole mesh; a patch needs no more than the part of the surface that
+holds it. Each layer carries all the bits by itself. The patches are written last, into the surface as the first layer
+left it: their waves are too short for the first to notice, and where they are read the first layer does not matter.
+The reader asks the solid first, so that a whole mesh is read as fast as without patches.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from o3dmark.coding.keys import Key
+from o3dmark.errors import MeshError
+from o3dmark.mesh.surface import Surface, with_vertices
+from o3dmark.mesh.welding import mended
+from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods.local_patches.method import LocalPatches, Look
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
+from o3dmark.methods.shape_spectrum.search import Hypotheses
+from o3dmark.registry import option
+
+_CLEAR = 0.7  # coherence of a reading of the solid from which on patches are not asked
+
+
+class Seen:
+    """What a mesh shows to either layer; what patches show is worked out when it is first asked for."""
+
+    def __init__(self, whole: Hypotheses, look: Callable[[Surface], Look]) -> None:
+        self.whole, self._look = whole, look
+        self._patches: Look | None = None
+
+    @property
+    def patches(self) -> Look:
+        if self._patches is None:
+            self._patches = self._look(self.whole.received)
+        return self._patches
+
+
+@METHODS.register("layered")
+@dataclass(frozen=True)
+class Layered(Method):
+    """shape-spectrum and local-patches in one mesh; blind, read from the whole or from a fragment."""
+
+    claims = (
+        "identity",
+        "reorder",
+        "similarity",
+        "noise:amplitude=0.003",
+        "smooth:iterations=10",
+        "crop:share=0.3+similarity:smallest=1,largest=1",
+    )
+
+    mrms: float = option(5.8e-4, "distortion that the solid's layer aims at, over the bounding-box diagonal")
+    patches: float = option(1.5e-4, "most distortion by patches, over the bounding-box diagonal; it adds in squares")
+    jnd: float = option(1.0, "most that may be seen of either layer, in just noticeable differences")
+    search: bool = option(True, "let the reader search, and ask the patches")
+
+    def __post_init__(self) -> None:
+        if not (self.mrms > 0 and self.patches > 0 and self.jnd > 0):
+            raise ValueError("wants mrms, patches and jnd above 0")
+
+    finds_pieces = True
+
+    @property
+    def quick(self) -> "Layered":
+        """See `Method.quick`: the solid at first sight."""
+        return replace(self, search=False) if self.search else self
+
+    @property
+    def sight(self) -> "Layered":
+        """See `Method.sight`."""
+        return Layered()
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """See `Method.limits`: of both layers together."""
+        return {"mrms": float(np.hypot(self.mrms, self.patches)), "jnd": self.jnd}
+
+    @property
+    def takes_reference(self) -> bool:
+        """The solid's layer can use the cover."""
+        return True
+
+    @property
+    def layers(self) -> dict[str, Method]:
+        """The solid's, and the patches'."""
+        return {"solid": self._solid, "patches": self._patches}
+
+    @property
+    def _solid(self) -> ShapeSpectrum:
+        return ShapeSpectrum(mrms=self.mrms, jnd=self.jnd, search=self.search)
+
+    @property
+    def _patches(self) -> LocalPatches:
+        return LocalPatches(mrms=self.patches, jnd=self.jnd)
+
+    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:
+        """See `Method.prepare`: for the solid's layer; patches hang on what it does."""
+        return self._solid.prepare(mesh, n_bits, key)
+
+    def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
+        """See `Method.embed`. A mesh without room for patches is marked as a solid alone; `layers` tell which were.
+
+        Errors: MeshError also where the solid's layer is not read any more beside the patches.
+        """
+        message = np.asarray(bits, np.uint8).ravel()
+        marked = self._solid.embed(mesh, message, key)
+        surface = mended(Surface.of(marked))
+        done = self._patches.marked(surface, message, key)
+        if not done.places:
+            return marked
+        both = with_vertices(marked, surface, done.vertices)
+        if not np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message):
+            raise MeshError(
+                "patches disturb the solid's layer of this mesh; use shape-spectrum alone, or fewer patches"
+            )
+        return both
+
+    def observe(self, mesh: Any) -> Seen:
+        """See `Method.observe`."""
+        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self._patches.observe)
+
+    def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
+        """See `Method.extract`. The solid is asked first, with the cover as ``reference`` if given; then patches."""
+        seen = self.observe(mesh)
+        whole = self._solid.extract(seen.whole, n_bits, key, reference=reference)
+        if not self.search or (whole.coherence is not None and whole.coherence > _CLEAR):
+            return whole.times(2)
+        patches = self._patches.extract(seen.patches, n_bits, key)
+        return (patches if patches.part else whole).beside(whole if patches.part else patches)
+
+    def capacity(self, mesh: Any) -> int:
+        """That of the solid."""
+        return self._solid.capacity(mesh)
