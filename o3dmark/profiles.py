@@ -15,6 +15,7 @@ PROFILES: dict[str, Watermark] = {
     "contested-2026": Watermark(
         METHODS.make("shape-spectrum:mrms=0.0004,lowest=8,highest=24,rungs=60"), CODES.make("random"), 64
     ),
+    "layered-2026": Watermark(METHODS.make("layered"), CODES.make("random"), 64),
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }
 DEFAULT_PROFILE = "robust-2026"

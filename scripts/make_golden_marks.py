@@ -179,6 +179,13 @@ GOLDENS = {
         attacks=("mirror", "similarity"),
         note="mirrored",
     ),
+    "fragment": Golden(
+        "half of a bust, which patches tell",
+        "venus:vertices=5000",
+        profile="layered-2026",
+        message="part",
+        attacks=("crop:share=0.5",),
+    ),
     "smoothed": Golden(
         "smoothed 20 times",
         "cat:vertices=1000",

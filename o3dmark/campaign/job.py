@@ -90,7 +90,7 @@ def _read(made: Specimen, job: Job, observed: Any, key: Key, started: float) -> 
         "bit_errors": errors.errors,
         "ber": _rounded(errors.rate),
         "corr": _corr(expected, read.bits),
-        "log10_p": _rounded(detect(read.soft, expected, hypotheses=read.hypotheses).log10_p),
+        "log10_p": _rounded(detect(read.soft, expected, hypotheses=read.hypotheses, shown=read.log10_p).log10_p),
         "log10_p_best": _rounded(read.detect(expected).log10_p),
         "log10_p_uncharged": _rounded(detect(read.soft, expected).log10_p),
         "hypotheses": read.hypotheses,
@@ -107,7 +107,7 @@ def _told(read: Extraction) -> dict[str, Any]:
 def _decoded(made: Specimen, read: Extraction, key: Key) -> dict[str, Any]:
     if made.message is None:
         return {}
-    decoded = made.watermark.code.decode(read.soft, key, hypotheses=read.hypotheses)
+    decoded = made.watermark.decode(read, key).decoded
     return {
         "message_ok": decoded.message == made.message,
         "message_read": decoded.found,

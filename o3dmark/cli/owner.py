@@ -89,9 +89,14 @@ def embed(
     report |= {"marked": [part.name for part in marked.parts], "dropped": list(marked.dropped)}
     report |= {"left": [vars(each) for each in marked.left], "missing": list(target.missing)}
     report |= {"files": sorted({*marked.files, *target.copies}) if marked.verified else []}
+    layers = marking.layers_read(marked, mark, hidden, secret)
+    report |= {"layers": [vars(each) for each in layers]}
     print_result(report | {"seconds": since(started)}, json)
     if strength is not None and strength.by == "jnd":
         say(strength.words)
+    for layer in layers:
+        if not layer.read:
+            say(f"{layer.words}: {_MISSING[layer.layer]}")
     _say_what_happened(marked, target)
     if not marked.verified:
         say(_with_advice("nothing was written: the mark cannot be read back", asset, mark, message, secret))
@@ -190,6 +195,12 @@ def _profile(method: str | None, profile: str | None) -> str | None:
     from o3dmark.profiles import DEFAULT_PROFILE
 
     return (profile or DEFAULT_PROFILE) if method is None else None
+
+
+_MISSING = {
+    "solid": "only patches tell the message",
+    "patches": "no patch fits there unseen, so that a fragment will not be read",
+}
 
 
 def _with_advice(text: str, asset: "Asset", mark: "Watermark", message: str | None, key: "Key") -> str:

@@ -37,7 +37,6 @@ from o3dmark.registry import option
 _MAX_BITS = 128
 _COARSE = 0.2  # mean edge over the radius, above which a larger one is taken
 _NOISY, _CLEAN = 0.1, 0.97  # agreement over the highest, below and above which patches weigh alike
-_QUICK_LOOKS = 2  # radii of a quick search: the nearest to that of a whole surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class LocalPatches(Method):
     jnd: float = option(1.0, "most that may be seen of a patch, in just noticeable differences")
     radius: float = option(0.068, "of patches, over the root of the surface's area; the nearest of the ladder is taken")
     format: Literal["2026"] = option("2026", "what else writer and reader agree on")
-    search: bool = option(True, "let the reader look at every radius, and not at those of a whole surface alone")
+    search: bool = option(True, "let the reader look at every radius, and not at that of a whole surface alone")
 
     def __post_init__(self) -> None:
         if not (self.mrms > 0 and self.jnd > 0 and 0.01 <= self.radius <= 0.5):
@@ -94,12 +93,17 @@ class LocalPatches(Method):
         """A surface with all the patches that it takes, maybe none. Errors: CapacityError for too many bits."""
         if len(bits) > _MAX_BITS:
             raise CapacityError(len(bits), _MAX_BITS)
+        form, most = FORMATS[self.format], Limits(self.mrms * surface.diagonal, self.jnd)
+        sampled = Sampled(form, surface, self.radius_on(surface))
+        return written(sampled, Share.all_of(key, form, len(bits)), bits, most)
+
+    def radius_on(self, surface: Surface) -> float:
+        """The radius of the patches that a surface gets, in its unit."""
         form = FORMATS[self.format]
         radius = form.nearest_rung(self.radius * np.sqrt(surface.area))
         while mean_edge(surface) > _COARSE * radius:
             radius *= form.ratio
-        most = Limits(self.mrms * surface.diagonal, self.jnd)
-        return written(Sampled(form, surface, radius), Share.all_of(key, form, len(bits)), bits, most)
+        return radius
 
     @one_thread()
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
@@ -107,7 +111,7 @@ class LocalPatches(Method):
         if reference is not None:
             raise MeshError("local-patches reads without a reference")
         look, shares = self.observe(mesh), Share.all_of(key, FORMATS[self.format], n_bits)
-        tried = look.seen if self.search else look.seen[:_QUICK_LOOKS]
+        tried = [seen for seen in look.seen if self.search or self._is_likely(seen.sampled)]
         candidates: list[Hit] = []
         for seen in tried:
             here = seen.candidates(shares, times=len(tried))
@@ -116,6 +120,10 @@ class LocalPatches(Method):
                 return _told(hits, candidates, n_bits)
         candidates.sort(key=lambda hit: hit.log10_p)
         return _told(candidates[:1], candidates, n_bits)
+
+    def _is_likely(self, sampled: Sampled) -> bool:
+        """Whether patches have that radius if the surface is whole."""
+        return bool(np.isclose(sampled.radius, self.radius_on(sampled.surface)))
 
     def observe(self, mesh: Any) -> Look:
         """See `Method.observe`."""
