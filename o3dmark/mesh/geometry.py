@@ -4,6 +4,8 @@ Pure functions, no mesh object and no Open3D. Lengths, areas and volumes come in
 Triangles wind counter-clockwise seen from outside, so that normals point outward and volumes are positive.
 """
 
+import math
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -31,7 +33,7 @@ def areas(vertices: Floats, triangles: Ints) -> Floats:
 
 def sum_at_vertices(values: Floats, triangles: Ints, n_vertices: int) -> Floats:
     """Sum of a triangle quantity (m,) or (m, d) over the triangles around each vertex: (n,) or (n, d)."""
-    columns = values.reshape(len(triangles), -1)
+    columns = values.reshape(len(triangles), math.prod(values.shape[1:]))
     corners = triangles.ravel()
     sums = [np.bincount(corners, np.repeat(column, 3), minlength=n_vertices) for column in columns.T]
     return np.stack(sums, axis=1, dtype=np.float64).reshape(n_vertices, *values.shape[1:])
