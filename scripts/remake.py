@@ -1,4 +1,4 @@
-"""Make again what README and docs quote: campaigns, their reports, tables, the picture that explains the mark.
+"""Make again what README and docs quote: campaigns, their reports, tables, the pictures that explain the marks.
 
     scripts/remake --meshes FOLDER             all campaigns that are quoted
     scripts/remake --meshes FOLDER paper quick only these
@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import explain_motion
+import explain_patches
 import explain_shape_spectrum
 import tables
 
@@ -27,7 +28,7 @@ from o3dmark.errors import SpecError
 
 ROOT = Path(__file__).parent.parent
 SUMMARISED = ("attack_sweep",)  # too many rows to keep: counts and failures stay
-PICTURE, MOTION = "docs/shape_spectrum.png", "docs/motion.png"
+PICTURE, MOTION, PATCHES = "docs/shape_spectrum.png", "docs/motion.png", "docs/patches.png"
 
 
 def main() -> int:
@@ -44,6 +45,7 @@ def main() -> int:
     if not options.names:
         explain_shape_spectrum.main(Path(PICTURE), None)
         explain_motion.main(Path(MOTION))
+        explain_patches.main(Path(PATCHES))
     stale = tables.main([])
     print(
         f"made: {len(names) - len(failed)} of {len(names)} campaigns; not: {', '.join(failed) or '-'}", file=sys.stderr

@@ -350,6 +350,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "wrong keys": (lambda: grid(*counts.wrong_keys([*map(results, CONTROL_FOLDERS)]), left=4), CONTROL_FOLDERS),
     "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
     "edits": (edits_table, EDITS),
+    "fragments": (lambda: grid(*counts.edits([results("fragments")], []), left=4), ("fragments",)),
     "motion": (lambda: grid(*counts.motions(results("motion"), before="least", after="unseen")), ("motion",)),
     "cap and eye": (lambda: grid(*counts.held_back(results("seen"))), ("seen",)),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),

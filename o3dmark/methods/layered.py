@@ -24,6 +24,7 @@ from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
 
 _CLEAR = 0.7  # coherence of a reading of the solid from which on patches are not asked
+_CERTAIN = 0.9  # the same of the soft bits' mean magnitude, of a reading beside the cover
 
 
 class Seen:
@@ -128,7 +129,8 @@ class Layered(Method):
         """See `Method.extract`. The solid is asked first, with the cover as ``reference`` if given; then patches."""
         seen = self.observe(mesh)
         whole = self._solid.extract(seen.whole, n_bits, key, reference=reference)
-        if not self.search or (whole.coherence is not None and whole.coherence > _CLEAR):
+        clear = whole.certainty > _CERTAIN if whole.coherence is None else whole.coherence > _CLEAR
+        if clear or not self.search:
             return whole.times(2)
         patches = self._patches.extract(seen.patches, n_bits, key)
         return (patches if patches.part else whole).beside(whole if patches.part else patches)
