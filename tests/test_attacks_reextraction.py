@@ -10,7 +10,8 @@ from o3dmark.attacks._marching import resampled
 from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.proximity import closest_points, tree_of
+from o3dmark.mesh.box_tree import tree_of
+from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.metrics.distance import surface_distance
 

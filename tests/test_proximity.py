@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from o3dmark.mesh.proximity import closest_points, tree_of
+from fixtures.shapes import fan_of_polygon
+from o3dmark.errors import MeshError
+from o3dmark.mesh.box_tree import tree_of
+from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 
 TRIANGLE = Surface.from_arrays(np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]]), np.array([[0, 1, 2]]))
@@ -139,14 +142,33 @@ def test_needles_are_found_as_other_triangles_are(spread):
     surface = Surface.from_arrays(rim, fan)
     points = np.concatenate([rim[:20], rim.mean(axis=0) + rng.normal(size=(40, 3))])
     found = closest_points(points, surface)
-    assert len(tree_of(surface).order) > 2 * len(fan)
     for i, point in enumerate(points):
         slow = [closest_slowly(point, corner) for corner in surface.vertices[surface.triangles]]
         distances = np.linalg.norm(point - slow, axis=1)
         assert found.distance[i] == pytest.approx(distances.min(), rel=1e-9, abs=1e-15)
 
 
-def test_a_triangle_without_area_is_boxed_in_slices_that_hold_it():
+@pytest.mark.parametrize("flat", [False, True])
+def test_triangles_that_all_overlap_are_found_as_others_are(flat):
+    surface, rng = fan_of_polygon(300, flat=flat), np.random.default_rng(6)
+    points = np.concatenate([rng.random((30, 3)), surface.vertices[:10]])
+    assert len(tree_of(surface).order) > 2 * len(surface.triangles)
+    found = closest_points(points, surface)
+    for i, point in enumerate(points):
+        slow = [closest_slowly(point, corner) for corner in surface.vertices[surface.triangles]]
+        assert found.distance[i] == pytest.approx(np.linalg.norm(point - slow, axis=1).min(), rel=1e-9, abs=1e-14)
+
+
+def test_what_takes_too_much_work_is_refused():
+    surface = fan_of_polygon(1_000)
+    points = np.random.default_rng(7).random((100, 3))
+    allowed = closest_points(points, surface, most_work=100 * 32 * 1_000)
+    assert all(map(np.array_equal, allowed, closest_points(points, surface)))
+    with pytest.raises(MeshError, match="bounded time"):
+        closest_points(points, surface, most_work=100)
+
+
+def test_a_triangle_without_area_is_in_boxes_that_hold_it():
     corners = np.array([[0.0, 0, 0], [1, 2, 3], [2, 4, 6], [9, 0, 0], [9, 1, 0], [9, 0, 1]]) / 3.0
     surface = Surface.from_arrays(corners, np.array([[0, 1, 2], [3, 4, 5]]))
     points = np.linspace(0.0, 1.0, 50)[:, None] * surface.vertices[2]

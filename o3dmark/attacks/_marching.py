@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.proximity import Tree, closest_points, tree_of
+from o3dmark.mesh.box_tree import Tree, tree_of
+from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface
 
 _REACH = 3.5  # of the field to both sides, in cells: MeshLab's
