@@ -83,3 +83,11 @@ def test_closest_points_among_what_overlaps_take_little_work(make: Callable[[], 
     middle = surface.vertices[surface.triangles].mean(axis=1)[::5]
     found = closest_points(middle, surface, most_work=5_000 * len(middle))
     assert found.distance.max() < 1e-7  # as exact as needles are
+
+
+def test_what_a_fan_about_one_edge_costs_is_told() -> None:
+    """There is no hinge: each edge has one triangle, or all of them."""
+    n = 300
+    vertices = np.vstack([np.eye(3)[:2], np.random.default_rng(0).random((n, 3))])
+    book = triangle_mesh(vertices, np.array([[0, 1, k] for k in range(2, n + 2)]))
+    assert METRICS.make("bending")(book, book) == 0.0

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import open3d as o3d
 import pytest
 
 from fixtures.command_line import run
 from o3dmark.cli import commands
 from o3dmark.files import write_mesh
-from o3dmark.mesh.surface import TriangleMesh
+from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
 
 MESSAGE = "o3d!"
 
@@ -169,6 +170,20 @@ def test_attack_and_compare(folder: Path, tmp_path: Path, capsys: Any) -> None:
     )
     assert (code, result["msdm"]) == (0, None)
     assert result["mrms"] > 0
+
+
+def test_compare_says_why_a_metric_is_null(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    path = tmp_path / "speck.ply"
+    ball = o3d.geometry.TriangleMesh.create_icosahedron().subdivide_loop(5)
+    vertices, triangles = np.asarray(ball.vertices), np.asarray(ball.triangles)
+    far, n = [[1e4, 0.0, 0.0], [1e4, 1.0, 0.0], [1e4, 0.0, 1.0]], len(vertices)
+    write_mesh(path, triangle_mesh(np.vstack([vertices, far]), np.vstack([triangles, [[n, n + 1, n + 2]]])))
+    both = ("--metric", "msdm2", "--metric", "mrms:samples=1000", "--json")
+    code, result, talk = run(capsys, "compare", path, path, *both)
+    assert (code, result["msdm2"], result["mrms:samples=1000"]) == (0, None, pytest.approx(0.0, abs=1e-12))
+    assert talk.startswith("msdm2: most of the mesh lies in one window")
+    code, result, _ = run(capsys, "compare", path, path, *both[:2], "--json")
+    assert (code, result["error"]) == (3, "MeshError")
 
 
 def test_saliency_as_numbers_colours_and_picture(folder: Path, tmp_path: Path, capsys: Any) -> None:

@@ -10,8 +10,9 @@ from fixtures.paths import GOLDEN
 from fixtures.shapes import UNIT_SQUARE, mapped, noisy
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
+from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
-from o3dmark.metrics import METRICS
+from o3dmark.metrics import METRICS, distance
 from o3dmark.metrics.distance import MRMS, Hausdorff, surface_distance
 
 FEW = 20_000
@@ -161,3 +162,30 @@ def test_agrees_with_libigl_on_all_pairs(shared):
         ours = {"MRMS": distance.mrms, "HD": distance.hausdorff}[row["metric"]] * distance.diagonal
         assert ours == pytest.approx(float(row["value"]), rel=0.03), row
     assert len(found) >= 40
+
+
+def test_mrms_and_hausdorff_search_once(monkeypatch, spot):
+    searches = []
+    monkeypatch.setattr(distance, "closest_points", lambda *a, **k: searches.append(a) or closest_points(*a, **k))
+    other = noisy(spot, 1e-3, seed=99)
+    mrms, farthest = MRMS(samples=FEW)(spot, other), Hausdorff(samples=FEW)(spot, other)
+    assert len(searches) == 2
+    assert (mrms, farthest) == (
+        surface_distance(spot, other, samples=FEW).mrms,
+        surface_distance(spot, other, samples=FEW).hausdorff,
+    )
+    vertices = np.asarray(other.vertices)
+    vertices[0, 0] += 0.1  # in place, as Open3D allows
+    assert Hausdorff(samples=FEW)(spot, other) > 2 * farthest
+    assert MRMS(samples=FEW, seed=1)(spot, other) != MRMS(samples=FEW, seed=2)(spot, other)
+
+
+def test_what_cannot_be_measured_in_bounded_time_is_refused_once(monkeypatch, spot):
+    searches = []
+    monkeypatch.setattr(distance, "closest_points", lambda *a, **k: searches.append(a) or closest_points(*a, **k))
+    monkeypatch.setattr(distance, "MOST_WORK", 1_000)
+    other = noisy(spot, 1e-3, seed=98)
+    for metric in (MRMS(), Hausdorff()):
+        with pytest.raises(MeshError, match="bounded time"):
+            metric(spot, other)
+    assert len(searches) == 1

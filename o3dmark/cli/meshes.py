@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from o3dmark.cli._arguments import In, Json, Out, Overwrite, Seed
-from o3dmark.cli._talk import print_result, since
+from o3dmark.cli._talk import print_result, say, since
 from o3dmark.errors import SpecError
 
 
@@ -40,13 +40,26 @@ def compare(
     metric: Annotated[list[str] | None, typer.Option(metavar="SPEC", help="Instead of all; may be repeated.")] = None,
     json: Json = False,
 ) -> None:
-    """Measure what a mark or an attack cost. A metric that needs equal triangles is null where they differ."""
+    """Measure what a mark or an attack cost. A metric that cannot be had is null, and says why on stderr."""
+    from o3dmark.errors import MeshError
     from o3dmark.files import read_mesh
     from o3dmark.metrics import METRICS
 
     metrics = {spec: METRICS.make(spec) for spec in metric or METRICS}
     meshes = read_mesh(reference), read_mesh(other)
-    print_result({spec: _value(each, *meshes) for spec, each in metrics.items()}, json)
+    values, refused = dict[str, float | None](), dict[str, MeshError]()
+    for spec, each in metrics.items():
+        try:
+            value = each(*meshes)
+            values[spec] = float(value) if math.isfinite(value) else None
+        except MeshError as error:
+            values[spec], refused[spec] = None, error
+    general = [refused.get(spec) for spec, each in metrics.items() if not each.needs_equal_connectivity]
+    if general and all(general):
+        raise next(filter(None, general))  # not the pair is at fault, but a mesh
+    for reason in dict.fromkeys(map(str, refused.values())):
+        say(f"{', '.join(spec for spec in refused if str(refused[spec]) == reason)}: {reason}")
+    print_result(values, json)
 
 
 def saliency(
@@ -156,16 +169,3 @@ def _save_scalars(out: Path, shape: Any, values: Any) -> None:
             np.save(draft, values)
     else:
         write_shape(out, coloured(shape, values))
-
-
-def _value(metric: Any, reference: Any, distorted: Any) -> float | None:
-    """The metric's value, or None where it needs equal triangles and they differ, or where it is infinite."""
-    from o3dmark.errors import MeshError
-
-    try:
-        value = metric(reference, distorted)
-    except MeshError:
-        if metric.needs_equal_connectivity:
-            return None
-        raise
-    return float(value) if math.isfinite(value) else None

@@ -24,6 +24,7 @@ from o3dmark.metrics.displacement import paired
 from o3dmark.metrics.normal_cycle import MOST_STEPS, check_within, curvature, rings_of, steps_for, walk
 from o3dmark.registry import option
 
+MOST_WORK = 1 << 32  # of finding closest points, as in `distance`
 # Pairs compared in a window of MSDM on average over the vertices, above which a mesh is refused: windows of two meshes
 # that differ by half in their edges, of which there are 60, make 5 000
 _MOST_COMPARED = 300_000
@@ -96,7 +97,7 @@ class MSDM2(Metric):
         """The distortion at each vertex (n,) of ``source``, seen against the closest points of ``target``."""
         side, n = _longest_side(source.vertices), len(source.vertices)
         rings, target_rings = rings_of(source.triangles, n), rings_of(target.triangles, len(target.vertices))
-        match = closest_points(source.vertices, target)
+        match = closest_points(source.vertices, target, most_work=MOST_WORK)
         corners = target.triangles[match.triangle]
         shares = _shares(source.vertices, target.vertices[corners])
         total = np.zeros(n)

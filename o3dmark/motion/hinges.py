@@ -70,6 +70,8 @@ class Hinges(NamedTuple):
         their area."""
         area, length2 = geometry.areas(vertices, triangles), self._length2(vertices)
         about = area[self.triangle].sum(axis=1)
+        if not len(about):
+            return about
         sliver = np.clip(self._heights(area, length2).min(axis=1) / _LOWEST, 1e-9, 1.0) ** 2
         return np.asarray(sliver * 3.0 * length2 / np.maximum(about, _SMALLEST * about.mean()))
 
