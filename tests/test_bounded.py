@@ -91,3 +91,12 @@ def test_what_a_fan_about_one_edge_costs_is_told() -> None:
     vertices = np.vstack([np.eye(3)[:2], np.random.default_rng(0).random((n, 3))])
     book = triangle_mesh(vertices, np.array([[0, 1, k] for k in range(2, n + 2)]))
     assert METRICS.make("bending")(book, book) == 0.0
+
+
+def test_a_speck_is_looked_at_from_nearby() -> None:
+    """From the middle of the box its planes cannot be told apart, which would cost five times as much."""
+    rng, n = np.random.default_rng(0), 10_000
+    vertices = np.vstack([np.eye(3), 1e-9 * rng.standard_normal((n, 3))])
+    surface = Surface.from_arrays(vertices, np.vstack([[[0, 1, 2]], rng.integers(3, n + 3, (n, 3))]))
+    found = closest_points(surface.vertices, surface, most_work=12_000 * len(surface.vertices))
+    assert found.distance.max() < 1e-20

@@ -17,14 +17,13 @@ import numpy as np
 from numba import njit
 
 from o3dmark.arrays import Floats
-from o3dmark.mesh.proximity import closest_points
+from o3dmark.mesh.proximity import closest_points, enough_work
 from o3dmark.mesh.surface import Surface
 from o3dmark.metrics import METRICS, Metric
 from o3dmark.metrics.displacement import paired
 from o3dmark.metrics.normal_cycle import MOST_STEPS, check_within, curvature, rings_of, steps_for, walk
 from o3dmark.registry import option
 
-MOST_WORK = 1 << 32  # of finding closest points, as in `distance`
 # Pairs compared in a window of MSDM on average over the vertices, above which a mesh is refused: windows of two meshes
 # that differ by half in their edges, of which there are 60, make 5 000
 _MOST_COMPARED = 300_000
@@ -97,7 +96,7 @@ class MSDM2(Metric):
         """The distortion at each vertex (n,) of ``source``, seen against the closest points of ``target``."""
         side, n = _longest_side(source.vertices), len(source.vertices)
         rings, target_rings = rings_of(source.triangles, n), rings_of(target.triangles, len(target.vertices))
-        match = closest_points(source.vertices, target, most_work=MOST_WORK)
+        match = closest_points(source.vertices, target, most_work=enough_work(target))
         corners = target.triangles[match.triangle]
         shares = _shares(source.vertices, target.vertices[corners])
         total = np.zeros(n)
