@@ -183,7 +183,7 @@ def test_mrms_and_hausdorff_search_once(monkeypatch, spot):
 def test_what_cannot_be_measured_in_bounded_time_is_refused_once(monkeypatch, spot):
     searches = []
     monkeypatch.setattr(distance, "closest_points", lambda *a, **k: searches.append(a) or closest_points(*a, **k))
-    monkeypatch.setattr(distance, "enough_work", lambda _: 1_000)
+    monkeypatch.setattr(distance, "enough_work", lambda *_: 1_000)
     other = noisy(spot, 1e-3, seed=98)
     for metric in (MRMS(), Hausdorff()):
         with pytest.raises(MeshError, match="bounded time"):

@@ -21,9 +21,9 @@ _DEPTH = 64  # of a tree; the search keeps at most one waiting box a level
 _AT_ONCE = 64  # planes of a leaf that are asked together: the processor takes several in one step
 _DOUBT = 1e-9  # of lengths, by which rounding may misplace a plane whose triangle's sine is a millionth
 _A_BOX, _A_TRIANGLE = 32, 32  # what it takes to look at a pair of boxes, or at a triangle, in planes
-# Work that is enough for shapes wherever they are, and a vertex' share of it in large ones: 200 000 points about
-# horse_112642, scattered three times as wide, take 3.3e9; a polygon of 40 000 random corners takes 2.7e9 for MRMS
-_ENOUGH, _ENOUGH_A_VERTEX = 5_000_000_000, 100_000
+# Work that is enough for shapes wherever they are: in all, a point, and a point and vertex. A point about horse_112642,
+# scattered three times as wide, takes 15 000, a point of a polygon of 40 000 random corners 11 000
+_ENOUGH, _A_POINT, _A_POINT_AND_VERTEX = 1_000_000_000, 20_000, 0.04
 
 
 class Closest(NamedTuple):
@@ -57,9 +57,10 @@ def closest_points(
     return Closest(distance, triangle, nearest)
 
 
-def enough_work(surface: Surface) -> int:
-    """How much work is enough for whatever is no trick: 10 to 20 s for a surface from a file of 1 MB."""
-    return max(_ENOUGH, _ENOUGH_A_VERTEX * len(surface.vertices))
+def enough_work(points: Floats, surface: Surface) -> int:
+    """How much ``most_work`` is enough for whatever is no trick: 10 to 20 s for 200 000 points and 1 MB of surface."""
+    a_point = _A_POINT + _A_POINT_AND_VERTEX * len(surface.vertices)
+    return max(_ENOUGH, int(a_point * len(points)))
 
 
 @njit(cache=True, nogil=True)

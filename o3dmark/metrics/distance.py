@@ -89,7 +89,7 @@ def _digest(a: Surface, b: Surface, *options: int) -> bytes:
 def _one_way(source: Surface, target: Surface, samples: int, seed: int) -> tuple[float, float]:
     drawn = stratified(source, samples, np.random.default_rng(seed)).points
     points = np.concatenate([drawn, source.vertices])
-    distance = closest_points(points, target, most_work=enough_work(target)).distance
+    distance = closest_points(points, target, most_work=enough_work(points, target)).distance
     return float(np.sqrt(np.mean(distance[:samples] ** 2))), float(distance.max())
 
 

@@ -96,7 +96,7 @@ class MSDM2(Metric):
         """The distortion at each vertex (n,) of ``source``, seen against the closest points of ``target``."""
         side, n = _longest_side(source.vertices), len(source.vertices)
         rings, target_rings = rings_of(source.triangles, n), rings_of(target.triangles, len(target.vertices))
-        match = closest_points(source.vertices, target, most_work=enough_work(target))
+        match = closest_points(source.vertices, target, most_work=enough_work(source.vertices, target))
         corners = target.triangles[match.triangle]
         shares = _shares(source.vertices, target.vertices[corners])
         total = np.zeros(n)
