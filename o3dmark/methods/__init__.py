@@ -99,13 +99,11 @@ class Extraction:
         return replace(self, hypotheses=max(self.hypotheses, kept) * count, charges=charges, log10_p=log10_p)
 
     def beside(self, other: "Extraction") -> "Extraction":
-        """The same, preferred to another of the same mesh whose readings may be asked too; either has half of the
-        evidence."""
-        one, two = self.times(2), other.times(2)
-        parts = [(readings, tries) for each in (one, two) for readings, tries in each.charged]
+        """The same, preferred to another of the same mesh whose readings may be asked too; both charged already."""
+        parts = [(readings, tries) for each in (self, other) for readings, tries in each.charged]
         readings = np.concatenate([readings for readings, _ in parts])
         charges = np.concatenate([np.full(len(readings), tries, np.int64) for readings, tries in parts])
-        return replace(one, readings=readings, charges=charges)
+        return replace(self, readings=readings, charges=charges)
 
     def nearest(self, bits: ArrayLike) -> "Extraction":
         """The reading that agrees best with ``bits`` (n_bits,), 0 or 1; all are charged."""

@@ -3,7 +3,7 @@
 The solid's layer withstands what happens to a whole mesh; a patch needs no more than the part of the surface that
 holds it. Each layer carries all the bits by itself. The patches are written last, into the surface as the first layer
 left it: their waves are too short for the first to notice, and where they are read the first layer does not matter.
-The reader asks the solid first, so that a whole mesh is read as fast as without patches.
+The reader looks at the solid first, so that a whole mesh is read as fast as without patches, and searches it last.
 """
 
 from collections.abc import Callable
@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike
 
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
+from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods.local_patches.method import LocalPatches, Look
-from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
+from o3dmark.methods.shape_spectrum.method import Prepared, ShapeSpectrum
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
 
@@ -56,13 +57,13 @@ class Layered(Method):
     )
 
     mrms: float = option(5.8e-4, "distortion that the solid's layer aims at, over the bounding-box diagonal")
-    patches: float = option(1.5e-4, "most distortion by patches, over the bounding-box diagonal; it adds in squares")
+    total: float = option(6e-4, "most distortion by both layers, over the same: patches take what is left, in squares")
     jnd: float = option(1.0, "most that may be seen of either layer, in just noticeable differences")
     search: bool = option(True, "let the reader search, and ask the patches")
 
     def __post_init__(self) -> None:
-        if not (self.mrms > 0 and self.patches > 0 and self.jnd > 0):
-            raise ValueError("wants mrms, patches and jnd above 0")
+        if not (0 < self.mrms < self.total and self.jnd > 0):
+            raise ValueError("wants 0 < mrms < total, and jnd above 0")
 
     finds_pieces = True
 
@@ -79,7 +80,7 @@ class Layered(Method):
     @property
     def limits(self) -> dict[str, float]:
         """See `Method.limits`: of both layers together."""
-        return {"mrms": float(np.hypot(self.mrms, self.patches)), "jnd": self.jnd}
+        return {"mrms": self.total, "jnd": self.jnd}
 
     @property
     def takes_reference(self) -> bool:
@@ -89,15 +90,14 @@ class Layered(Method):
     @property
     def layers(self) -> dict[str, Method]:
         """The solid's, and the patches'."""
-        return {"solid": self._solid, "patches": self._patches}
+        return {"solid": self._solid, "patches": self._patches(self.total)}
 
     @property
     def _solid(self) -> ShapeSpectrum:
         return ShapeSpectrum(mrms=self.mrms, jnd=self.jnd, search=self.search)
 
-    @property
-    def _patches(self) -> LocalPatches:
-        return LocalPatches(mrms=self.patches, jnd=self.jnd)
+    def _patches(self, mrms: float) -> LocalPatches:
+        return LocalPatches(mrms=mrms, jnd=self.jnd)
 
     def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:
         """See `Method.prepare`: for the solid's layer; patches hang on what it does."""
@@ -111,7 +111,11 @@ class Layered(Method):
         message = np.asarray(bits, np.uint8).ravel()
         marked = self._solid.embed(mesh, message, key)
         surface = mended(Surface.of(marked))
-        done = self._patches.marked(surface, message, key)
+        spent = _distortion(mesh.mesh if isinstance(mesh, Prepared) else mesh, marked)
+        left = float(np.sqrt(max(self.total**2 - spent**2, 0.0)))
+        if not left:
+            return marked
+        done = self._patches(left).marked(surface, message, key)
         if not done.places:
             return marked
         both = with_vertices(marked, surface, done.vertices)
@@ -123,18 +127,37 @@ class Layered(Method):
 
     def observe(self, mesh: Any) -> Seen:
         """See `Method.observe`."""
-        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self._patches.observe)
+        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self._patches(self.total).observe)
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
-        """See `Method.extract`. The solid is asked first, with the cover as ``reference`` if given; then patches."""
-        seen = self.observe(mesh)
-        whole = self._solid.extract(seen.whole, n_bits, key, reference=reference)
-        clear = whole.certainty > _CERTAIN if whole.coherence is None else whole.coherence > _CLEAR
-        if clear or not self.search:
-            return whole.times(2)
-        patches = self._patches.extract(seen.patches, n_bits, key)
-        return (patches if patches.part else whole).beside(whole if patches.part else patches)
+        """See `Method.extract`. The solid at first sight, then patches, then all that the solid's reader tries.
+
+        With the cover as ``reference`` the solid's reader tries all at once. Of the evidence asked for patches have
+        half, and each of the two looks at the solid a quarter.
+        """
+        seen, solid = self.observe(mesh), self._solid
+        if reference is None:
+            first = solid.quick.extract(seen.whole, n_bits, key)
+            if not self.search or (first.coherence or 0.0) > _CLEAR:
+                return first.times(4)
+        else:
+            first = solid.extract(seen.whole, n_bits, key, reference=reference)
+            if first.certainty > _CERTAIN:
+                return first.times(4)
+        patches = self._patches(self.total).extract(seen.patches, n_bits, key)
+        if patches.part:
+            return patches.times(2).beside(first.times(4))
+        if reference is None:
+            first = solid.extract(seen.whole, n_bits, key)
+        return first.times(4).beside(patches.times(2))
 
     def capacity(self, mesh: Any) -> int:
         """That of the solid."""
         return self._solid.capacity(mesh)
+
+
+def _distortion(cover: Any, marked: Any) -> float:
+    """RMS distance between a mesh and the same one moved, over the diagonal."""
+    before = Surface.of(cover)
+    motion = Surface.of(marked).vertices - before.vertices
+    return geometry.normal_rms(before.area_vectors, motion[before.triangles]) / before.diagonal

@@ -130,7 +130,7 @@ class LocalPatches(Method):
         if isinstance(mesh, Look):
             return mesh
         surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
-        return Look.at(FORMATS[self.format], surface)
+        return Look.at(FORMATS[self.format], mended(surface))
 
     def capacity(self, mesh: Any) -> int:  # noqa: ARG002
         """128 bits, of any mesh that holds a patch at all."""
