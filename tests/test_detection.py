@@ -17,6 +17,7 @@ from o3dmark.coding.detection import (
     detect,
     sign_test,
     threshold,
+    together,
     weights,
 )
 from o3dmark.errors import SpecError
@@ -221,3 +222,49 @@ def test_a_rate_keeps_its_counts() -> None:
 def test_counts_are_counts(counts: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="out of"):
         Rate(*counts)
+
+
+# ---- several p-values, and what is shown beside the bits ----
+
+
+P_VALUES = st.lists(st.floats(-45, 0), min_size=1, max_size=6)  # the product is in SciPy's range
+
+
+@given(P_VALUES)
+def test_together_is_fishers_method(log10_ps: list[float]) -> None:
+    """-2 sum ln p is chi-squared with two degrees of freedom for each; it is 1 where all are."""
+    expected = stats.chi2.logsf(-2.0 * math.log(10) * sum(log10_ps), 2 * len(log10_ps)) / math.log(10)
+    assert together(log10_ps) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert together(log10_ps[::-1]) == pytest.approx(together(log10_ps), rel=1e-12, abs=1e-12)
+
+
+@given(st.floats(-300, 0))
+def test_one_alone_is_itself(log10_p: float) -> None:
+    assert together([log10_p]) == log10_p
+
+
+def test_together_underflows_nowhere() -> None:
+    assert together([-1e5, -1e5]) == pytest.approx(-2e5 + math.log10(1 + 2e5 * math.log(10)))
+
+
+@given(P_VALUES, st.data())
+def test_a_smaller_p_never_raises_them_together(log10_ps: list[float], data: st.DataObject) -> None:
+    i = data.draw(st.integers(0, len(log10_ps) - 1))
+    smaller = [p - (i == j) for j, p in enumerate(log10_ps)]
+    assert together(smaller) <= together(log10_ps) + 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_together_independent_p_values_are_uniform(count: int) -> None:
+    uniform = np.random.default_rng(count).random((20_000, count))
+    found = 10.0 ** np.array([together(row) for row in np.log10(uniform).tolist()])
+    assert stats.kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_what_is_shown_counts_with_the_bits() -> None:
+    soft = np.where(np.arange(32) < 24, 1.0, -1.0)
+    for hypotheses, shown in itertools.product((1, 100), (0.0, -0.3, -9.0)):
+        plain = detect(soft, np.ones(32), hypotheses=hypotheses)
+        found = detect(soft, np.ones(32), hypotheses=hypotheses, shown=shown)
+        assert found.log10_p == pytest.approx(together([plain.log10_p, shown]))
+        assert (found.matches, found.hypotheses) == (plain.matches, hypotheses)
