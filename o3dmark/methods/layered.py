@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import Surface, with_vertices
+from o3dmark.mesh.surface import Surface, mesh_arrays, with_vertices
 from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods.local_patches.method import LocalPatches, Look
@@ -52,8 +52,7 @@ class Layered(Method):
         "reorder",
         "similarity",
         "noise:amplitude=0.003",
-        "smooth:iterations=10",
-        "crop:share=0.3+similarity:smallest=1,largest=1",
+        "crop:share=0.3",
     )
 
     mrms: float = option(5.8e-4, "distortion that the solid's layer aims at, over the bounding-box diagonal")
@@ -136,14 +135,13 @@ class Layered(Method):
         half, and each of the two looks at the solid a quarter.
         """
         seen, solid = self.observe(mesh), self._solid
-        if reference is None:
-            first = solid.quick.extract(seen.whole, n_bits, key)
-            if not self.search or (first.coherence or 0.0) > _CLEAR:
-                return first.times(4)
-        else:
-            first = solid.extract(seen.whole, n_bits, key, reference=reference)
-            if first.certainty > _CERTAIN:
-                return first.times(4)
+        sight = solid if reference is not None else solid.quick
+        first = sight.extract(seen.whole, n_bits, key, reference=reference)
+        if not self.search:
+            return first
+        clear = first.certainty > _CERTAIN if first.coherence is None else first.coherence > _CLEAR
+        if clear:
+            return first.times(4)
         patches = self._patches(self.total).extract(seen.patches, n_bits, key)
         if patches.part:
             return patches.times(2).beside(first.times(4))
@@ -158,6 +156,7 @@ class Layered(Method):
 
 def _distortion(cover: Any, marked: Any) -> float:
     """RMS distance between a mesh and the same one moved, over the diagonal."""
-    before = Surface.of(cover)
-    motion = Surface.of(marked).vertices - before.vertices
-    return geometry.normal_rms(before.area_vectors, motion[before.triangles]) / before.diagonal
+    (before, triangles), (after, _) = mesh_arrays(cover), mesh_arrays(marked)
+    used = before[geometry.used_vertices(triangles)]
+    area_vectors = geometry.area_vectors(before, triangles)
+    return geometry.normal_rms(area_vectors, (after - before)[triangles]) / geometry.diagonal(used)

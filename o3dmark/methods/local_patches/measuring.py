@@ -179,7 +179,10 @@ def coefficients(grid: Grid, patches: Patches, functions: DiskFunctions) -> Comp
 
 
 def first_look(grid: Grid, patches: Patches, functions: DiskFunctions) -> Complexes:
-    """The same, what a patch holds taken together in rings: to 0.02 of each wave, in a quarter of the time."""
+    """The same in a quarter of the time, what a patch holds taken together in rings.
+
+    In flat surroundings to 0.02 of each wave, among hills to 3e-4.
+    """
     middle = (np.arange(_RINGS) + 0.5) / _RINGS * (len(functions.by_radius) - 1)
     radial = functions.by_radius[np.rint(middle).astype(np.int64)]
     return _measured(_first_look, grid, patches, functions.order, radial)

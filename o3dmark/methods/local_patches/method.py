@@ -58,7 +58,7 @@ class LocalPatches(Method):
     claims = ("identity", "reorder", "similarity:smallest=1,largest=1", "crop:share=0.3", "quantise:bits=12")
 
     mrms: float = option(4e-4, "most distortion, over the bounding-box diagonal: patches are written until then")
-    jnd: float = option(1.0, "most that may be seen of a patch, in just noticeable differences")
+    jnd: float = option(1.0, "most that may be seen of a patch, nearly, in just noticeable differences")
     radius: float = option(0.068, "of patches, over the root of the surface's area; the nearest of the ladder is taken")
     format: Literal["2026"] = option("2026", "what else writer and reader agree on")
     search: bool = option(True, "let the reader look at every radius, and not at that of a whole surface alone")

@@ -36,7 +36,7 @@ _APART = 0.5  # of a radius: a patch that is nearer to one found is the same
 _TIE = 1e-6  # orders those whose p-value is 1
 _SURE = -5.0  # log10 of the p-value of a patch that is believed
 _LIKELY = -1.0  # and of another beside it
-_RADII = 0.045, 0.3  # over the root of the area, of a whole or a fragment, or of one among foreign things
+_RADII = 0.03, 0.3  # over the root of the area, of a whole or a fragment, or of one among foreign things
 _FIRST = 0.08  # radius looked at first, then those next to it
 _COARSE = 0.4  # mean edge over the radius, above which no patch can have been written
 
