@@ -243,143 +243,139 @@ def _frames(axis: Floats) -> Floats:
     return np.ascontiguousarray(np.stack([across, np.cross(axis, across), axis], axis=1))
 
 
+@njit(cache=True, nogil=True)
+def _runs(grid, centre, reach):  # type: ignore[no-untyped-def]
+    """The points (begin, end) (k, 2) that may lie within a reach of a centre: a run for each row of cubes."""
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for axis in range(3):
+        offset = centre[axis] - grid.low[axis]
+        low[axis] = max(int(np.floor((offset - reach) / grid.cell)), 0)
+        high[axis] = min(int(np.floor((offset + reach) / grid.cell)), grid.shape[axis] - 1)
+    if (low > high).any():
+        return np.empty((0, 2), np.int64)
+    runs = np.empty(((high[0] - low[0] + 1) * (high[1] - low[1] + 1), 2), np.int64)
+    count = 0
+    for x in range(low[0], high[0] + 1):
+        for y in range(low[1], high[1] + 1):
+            row = (x * grid.shape[1] + y) * grid.shape[2]
+            runs[count, 0] = grid.first[row + low[2]]
+            runs[count, 1] = grid.first[row + high[2] + 1]
+            count += 1
+    return runs
+
+
 @njit(inline="always")
-def _span(grid, centre, reach, axis):  # type: ignore[no-untyped-def]
-    low = int(np.floor((centre[axis] - reach - grid.low[axis]) / grid.cell))
-    high = int(np.floor((centre[axis] + reach - grid.low[axis]) / grid.cell))
-    return max(low, 0), min(high, grid.shape[axis] - 1)
+def _seen_from(point, centre, frame):  # type: ignore[no-untyped-def]
+    """A point's place across the axis in two ways, and along it."""
+    d0, d1, d2 = point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]
+    u = d0 * frame[0, 0] + d1 * frame[0, 1] + d2 * frame[0, 2]
+    v = d0 * frame[1, 0] + d1 * frame[1, 1] + d2 * frame[1, 2]
+    return u, v, d0 * frame[2, 0] + d1 * frame[2, 1] + d2 * frame[2, 2]
+
+
+@njit(inline="always")
+def _flux(up, vector, axis, height, lid):  # type: ignore[no-untyped-def]
+    """z t(|z|) n . dA"""
+    s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
+    flux = vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
+    return flux * up * (1.0 - s * s * (3.0 - 2.0 * s))
 
 
 @njit(nogil=True, cache=True)
 def _mean_normals(start, stop, grid, centres, normals, reach, means):  # type: ignore[no-untyped-def]
+    total = np.empty(3)
     for i in range(start, stop):
         centre, normal = centres[i], normals[i]
-        x0, x1 = _span(grid, centre, reach, 0)
-        y0, y1 = _span(grid, centre, reach, 1)
-        z0, z1 = _span(grid, centre, reach, 2)
-        sum0 = sum1 = sum2 = 0.0
-        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
-            for y in range(y0, y1 + 1):
-                row = (x * grid.shape[1] + y) * grid.shape[2]
-                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
-                    d0 = grid.points[j, 0] - centre[0]
-                    d1 = grid.points[j, 1] - centre[1]
-                    d2 = grid.points[j, 2] - centre[2]
-                    away = 1.0 - (d0 * d0 + d1 * d1 + d2 * d2) / (reach * reach)
-                    if away <= 0.0:
-                        continue
-                    v0, v1, v2 = grid.vectors[j, 0], grid.vectors[j, 1], grid.vectors[j, 2]
-                    facing = v0 * normal[0] + v1 * normal[1] + v2 * normal[2]
-                    if facing <= 0.0:
-                        continue
-                    weight = away * away
-                    sum0 += weight * v0
-                    sum1 += weight * v1
-                    sum2 += weight * v2
-        length = np.sqrt(sum0 * sum0 + sum1 * sum1 + sum2 * sum2)
-        if length > 0.0:
-            means[i, 0], means[i, 1], means[i, 2] = sum0 / length, sum1 / length, sum2 / length
-        else:
-            means[i] = normal
+        total[:] = 0.0
+        runs = _runs(grid, centre, reach)
+        for run in range(len(runs)):
+            for j in range(runs[run, 0], runs[run, 1]):
+                d0 = grid.points[j, 0] - centre[0]
+                d1 = grid.points[j, 1] - centre[1]
+                d2 = grid.points[j, 2] - centre[2]
+                away = 1.0 - (d0 * d0 + d1 * d1 + d2 * d2) / (reach * reach)
+                if away <= 0.0:
+                    continue
+                vector = grid.vectors[j]
+                if vector[0] * normal[0] + vector[1] * normal[1] + vector[2] * normal[2] > 0.0:
+                    for axis in range(3):
+                        total[axis] += away * away * vector[axis]
+        length = np.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
+        for axis in range(3):
+            means[i, axis] = total[axis] / length if length > 0.0 else normal[axis]
 
 
 @njit(nogil=True, cache=True, fastmath=True)
-def _coefficients(start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary):  # type: ignore[no-untyped-def]
+def _coefficients(  # type: ignore[no-untyped-def]
+    start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary
+):
     n_functions, steps = radial.shape[1], radial.shape[0] - 1
     highest = order[-1]
     first = np.searchsorted(order, np.arange(highest + 2))
-    height = half_height * radius
-    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    height, reach = half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
+    cosine, sine = np.empty(n_functions), np.empty(n_functions)
     for i in range(start, stop):
-        centre = centres[i]
-        e, f, n = frames[i, 0], frames[i, 1], frames[i, 2]
         re, im = real[i], imaginary[i]
-        cosine, sine = np.empty(n_functions), np.empty(n_functions)
-        x0, x1 = _span(grid, centre, reach, 0)
-        y0, y1 = _span(grid, centre, reach, 1)
-        z0, z1 = _span(grid, centre, reach, 2)
-        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
-            for y in range(y0, y1 + 1):
-                row = (x * grid.shape[1] + y) * grid.shape[2]
-                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
-                    d0 = grid.points[j, 0] - centre[0]
-                    d1 = grid.points[j, 1] - centre[1]
-                    d2 = grid.points[j, 2] - centre[2]
-                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
-                    if abs(up) >= height:
-                        continue
-                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
-                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
-                    r = np.sqrt(u * u + v * v)
-                    if r >= radius:
-                        continue
-                    flux = grid.vectors[j, 0] * n[0] + grid.vectors[j, 1] * n[1] + grid.vectors[j, 2] * n[2]
-                    s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
-                    weight = flux * up * (1.0 - s * s * (3.0 - 2.0 * s)) / radius**3
-                    c1, s1 = (u / r, -v / r) if r > 0.0 else (1.0, 0.0)
-                    cm, sm = 1.0, 0.0
-                    for m in range(highest + 1):
-                        for q in range(first[m], first[m + 1]):
-                            cosine[q], sine[q] = cm, sm
-                        cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
-                    position = r / radius * steps
-                    k = min(int(position), steps - 1)
-                    part = position - k
-                    for q in range(n_functions):
-                        g = weight * (radial[k, q] + part * (radial[k + 1, q] - radial[k, q]))
-                        re[q] += g * cosine[q]
-                        im[q] += g * sine[q]
+        runs = _runs(grid, centres[i], reach)
+        for run in range(len(runs)):
+            for j in range(runs[run, 0], runs[run, 1]):
+                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
+                r = np.sqrt(u * u + v * v)
+                if abs(up) >= height or r >= radius:
+                    continue
+                weight = _flux(up, grid.vectors[j], frames[i, 2], height, lid) / radius**3
+                c1, s1 = (u / r, -v / r) if r > 0.0 else (1.0, 0.0)
+                cm, sm = 1.0, 0.0
+                for m in range(highest + 1):
+                    for q in range(first[m], first[m + 1]):
+                        cosine[q], sine[q] = cm, sm
+                    cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
+                position = r / radius * steps
+                k = min(int(position), steps - 1)
+                part = position - k
+                for q in range(n_functions):
+                    g = weight * (radial[k, q] + part * (radial[k + 1, q] - radial[k, q]))
+                    re[q] += g * cosine[q]
+                    im[q] += g * sine[q]
 
 
 @njit(nogil=True, cache=True, fastmath=True)
-def _first_look(start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary):  # type: ignore[no-untyped-def]
+def _first_look(  # type: ignore[no-untyped-def]
+    start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary
+):
     n_functions, rings = radial.shape[1], radial.shape[0]
     blocks = order[-1] // _LANES + 1
-    height = half_height * radius
-    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    height, reach = half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
+    of_rings = np.empty((2, rings, blocks * _LANES), np.float32)
+    cosine, sine = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
     for i in range(start, stop):
-        centre = centres[i]
-        e, f, n = frames[i, 0], frames[i, 1], frames[i, 2]
-        of_rings = np.zeros((2, rings, blocks * _LANES), np.float32)
-        cosine, sine = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
-        x0, x1 = _span(grid, centre, reach, 0)
-        y0, y1 = _span(grid, centre, reach, 1)
-        z0, z1 = _span(grid, centre, reach, 2)
-        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
-            for y in range(y0, y1 + 1):
-                row = (x * grid.shape[1] + y) * grid.shape[2]
-                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
-                    d0 = grid.points[j, 0] - centre[0]
-                    d1 = grid.points[j, 1] - centre[1]
-                    d2 = grid.points[j, 2] - centre[2]
-                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
-                    if abs(up) >= height:
-                        continue
-                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
-                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
-                    r = np.sqrt(u * u + v * v)
-                    if r >= radius:
-                        continue
-                    flux = grid.vectors[j, 0] * n[0] + grid.vectors[j, 1] * n[1] + grid.vectors[j, 2] * n[2]
-                    s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
-                    weight = flux * up * (1.0 - s * s * (3.0 - 2.0 * s)) / radius**3
-                    ring = int(r / radius * rings)
-                    if r == 0.0:
-                        u, v, r = 1.0, 0.0, 1.0
-                    cm, sm, c1, s1 = np.float32(weight), np.float32(0.0), np.float32(u / r), np.float32(-v / r)
+        of_rings[:] = 0.0
+        runs = _runs(grid, centres[i], reach)
+        for run in range(len(runs)):
+            for j in range(runs[run, 0], runs[run, 1]):
+                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
+                r = np.sqrt(u * u + v * v)
+                if abs(up) >= height or r >= radius:
+                    continue
+                weight = _flux(up, grid.vectors[j], frames[i, 2], height, lid) / radius**3
+                ring = int(r / radius * rings)
+                c1, s1 = np.float32(1.0), np.float32(0.0)
+                if r > 0.0:
+                    c1, s1 = np.float32(u / r), np.float32(-v / r)
+                cm, sm = np.float32(weight), np.float32(0.0)
+                for lane in range(_LANES):
+                    cosine[lane], sine[lane] = cm, sm
+                    cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
+                c2, s2 = c1 * c1 - s1 * s1, np.float32(2.0) * c1 * s1
+                c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * c2 * s2
+                a, b = of_rings[0, ring], of_rings[1, ring]
+                for block in range(blocks):
                     for lane in range(_LANES):
-                        cosine[lane], sine[lane] = cm, sm
-                        cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
-                    c2, s2 = c1 * c1 - s1 * s1, np.float32(2.0) * c1 * s1
-                    c4, s4 = c2 * c2 - s2 * s2, np.float32(2.0) * c2 * s2
-                    a, b = of_rings[0, ring], of_rings[1, ring]
-                    for block in range(blocks):
-                        for lane in range(_LANES):
-                            c, s = cosine[lane], sine[lane]
-                            a[block * _LANES + lane] += c
-                            b[block * _LANES + lane] += s
-                            cosine[lane] = c * c4 - s * s4
-                            sine[lane] = s * c4 + c * s4
+                        c, s = cosine[lane], sine[lane]
+                        a[block * _LANES + lane] += c
+                        b[block * _LANES + lane] += s
+                        cosine[lane] = c * c4 - s * s4
+                        sine[lane] = s * c4 + c * s4
         for ring in range(rings):
             for q in range(n_functions):
                 real[i, q] += radial[ring, q] * of_rings[0, ring, order[q]]
@@ -388,22 +384,11 @@ def _first_look(start, stop, grid, centres, frames, radius, half_height, lid, or
 
 @njit(nogil=True, cache=True)
 def _holds(start, stop, grid, centres, frames, radius, rim, lid, half_height, found):  # type: ignore[no-untyped-def]
-    height = lid * half_height * radius
-    reach = radius * np.sqrt(1.0 + half_height * half_height)
+    height, reach = lid * half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
     for i in range(start, stop):
-        centre, e, f, n = centres[i], frames[i, 0], frames[i, 1], frames[i, 2]
-        x0, x1 = _span(grid, centre, reach, 0)
-        y0, y1 = _span(grid, centre, reach, 1)
-        z0, z1 = _span(grid, centre, reach, 2)
-        for x in range(x0, x1 + 1 if z0 <= z1 else x0):
-            for y in range(y0, y1 + 1):
-                row = (x * grid.shape[1] + y) * grid.shape[2]
-                for j in range(grid.first[row + z0], grid.first[row + z1 + 1]):
-                    d0 = grid.points[j, 0] - centre[0]
-                    d1 = grid.points[j, 1] - centre[1]
-                    d2 = grid.points[j, 2] - centre[2]
-                    up = d0 * n[0] + d1 * n[1] + d2 * n[2]
-                    u = d0 * e[0] + d1 * e[1] + d2 * e[2]
-                    v = d0 * f[0] + d1 * f[1] + d2 * f[2]
-                    if abs(up) < height and u * u + v * v < rim * rim * radius * radius:
-                        found[i] = True
+        runs = _runs(grid, centres[i], reach)
+        for run in range(len(runs)):
+            for j in range(runs[run, 0], runs[run, 1]):
+                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
+                if abs(up) < height and u * u + v * v < rim * rim * radius * radius:
+                    found[i] = True
