@@ -23,6 +23,7 @@ LADDERS = {  # steps of a profile: their number, the first two, the last
     "invisible-2026": (45, 0.0316031592, 0.0295356628, 0.00161006823),
     "slender-2026": (60, 0.0495400874, 0.0462991471, 0.000914774152),
     "contested-2026": (60, 0.0341655775, 0.0319304463, 0.000630878726),
+    "layered-2026": (45, 0.0495400874, 0.0462991471, 0.00252389074),
     "paper-2026": (80, 0.2, 0.19047619, 0.00423716493),
     "tiny-2026": (80, 0.2, 0.19047619, 0.00423716493),
 }
@@ -41,6 +42,7 @@ DITHERS = {
 @pytest.mark.parametrize("name", PROFILES)
 def test_the_ladder_of_every_profile(name: str) -> None:
     method, n_bits = PROFILES[name].method, PROFILES[name].n_bits
+    method = method.layers.get("solid", method)
     steps = method.steps(n_bits) if isinstance(method, ShapeSpectrum) else FORMATS[method.format].steps  # type: ignore[attr-defined]
     assert (len(steps), steps[0], steps[1], steps[-1]) == pytest.approx(LADDERS[name], rel=1e-8)
     np.testing.assert_allclose(steps[1:] / steps[:-1], steps[1] / steps[0])

@@ -17,7 +17,7 @@ from scipy import special
 from o3dmark.arrays import Floats, Ints
 from o3dmark.methods.local_patches.format import PatchFormat, smooth_end
 
-_HIGHEST_ORDER = 24  # of m looked at: the wave numbers of those beyond are above all that are used
+_HIGHEST_ORDER = 16  # of m looked at: the wave numbers of those beyond are above all that are used
 _HIGHEST_ZERO = 40.0
 _NODES = 160  # of the quadrature along a radius
 _TABLE = 2048  # intervals of the radial tables
