@@ -19,3 +19,5 @@ PROFILES: dict[str, Watermark] = {
     "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
 }
 DEFAULT_PROFILE = "robust-2026"
+ONE_LAYER = {name: profile for name, profile in PROFILES.items() if not profile.method.layers}
+"""Where none of these holds a message, none of several layers does: its layer in the solid is the default's."""

@@ -184,7 +184,7 @@ def test_options_are_checked(spec: str) -> None:
 
 def test_what_a_writer_may_choose_is_nothing_to_the_reader() -> None:
     other = Layered(mrms=1e-4, total=2e-4, jnd=0.5, search=False)
-    assert other.sight == METHOD.sight == METHOD
+    assert other.sight == METHOD.sight == METHOD.layers["solid"].sight
     assert METHOD.quick == Layered(search=False)
     assert METHOD.quick.quick == METHOD.quick
 

@@ -7,7 +7,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import ConversionError, MeshError, O3dmarkError, SpecError
 from o3dmark.files import Asset
 from o3dmark.marking.embedding import Marked, embed
-from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
+from o3dmark.profiles import DEFAULT_PROFILE, ONE_LAYER
 
 
 class Chosen(NamedTuple):
@@ -28,9 +28,9 @@ def embed_by_any(
     """
     refused: dict[str, str] = {}
     first: O3dmarkError | None = None
-    for profile in sorted(PROFILES, key=lambda each: each != DEFAULT_PROFILE):
+    for profile in sorted(ONE_LAYER, key=lambda each: each != DEFAULT_PROFILE):
         try:
-            marked = embed(asset, PROFILES[profile], message, key, name=name, names=names)
+            marked = embed(asset, ONE_LAYER[profile], message, key, name=name, names=names)
         except ConversionError:
             raise
         except (SpecError, MeshError) as error:

@@ -72,9 +72,9 @@ class Layered(Method):
         return replace(self, search=False) if self.search else self
 
     @property
-    def sight(self) -> "Layered":
-        """See `Method.sight`."""
-        return Layered()
+    def sight(self) -> Method:
+        """See `Method.sight`: that of the solid's layer, whose observations know the surface that patches see."""
+        return self._solid.sight
 
     @property
     def limits(self) -> dict[str, float]:
