@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -40,8 +41,11 @@ class ProcessPool(Executor):
 
     def endings(self) -> list[int]:
         """The exit codes of the processes that ended with another than 0, negative for a signal."""
+        patience = time.monotonic() + 10.0
         for process in self._processes:
             process.join(timeout=10)
+            while process.exitcode is None and time.monotonic() < patience:
+                time.sleep(0.01)  # the pool's own thread was told first, and is about to write it down
         return [process.exitcode for process in self._processes if process.exitcode]
 
     def terminate(self) -> None:
