@@ -25,6 +25,10 @@ Reference = Annotated[
     Path | None, typer.Option("--reference", metavar="COVER", help="The unmarked mesh, for informed extraction.")
 ]
 _COSTS = ("mrms", "hausdorff", "max_displacement", "jnd", "strength_by")  # null where nothing was marked
+_MISSING = {
+    "solid": "only patches tell the message",
+    "patches": "no patch fits there unseen, so that a fragment will not be read",
+}
 
 
 def keygen(file: Annotated[Path, typer.Argument(metavar="FILE", help="To be made.")], json: Json = False) -> None:
@@ -195,12 +199,6 @@ def _profile(method: str | None, profile: str | None) -> str | None:
     from o3dmark.profiles import DEFAULT_PROFILE
 
     return (profile or DEFAULT_PROFILE) if method is None else None
-
-
-_MISSING = {
-    "solid": "only patches tell the message",
-    "patches": "no patch fits there unseen, so that a fragment will not be read",
-}
 
 
 def _with_advice(text: str, asset: "Asset", mark: "Watermark", message: str | None, key: "Key") -> str:

@@ -26,8 +26,29 @@ TriangleMesh: TypeAlias = o3d.geometry.TriangleMesh
 PointCloud: TypeAlias = o3d.geometry.PointCloud
 
 
+class Facets:
+    """Vertices (n, 3) and triangles (m, 3), with the areas of these, each computed once: a `Surface`, or a solid."""
+
+    vertices: Floats
+    triangles: Ints
+
+    @cached_property
+    def area_vectors(self) -> Floats:
+        """Each triangle's normal times its area (m, 3)."""
+        return geometry.area_vectors(self.vertices, self.triangles)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """Triangle areas (m,)."""
+        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
+
+    @cached_property
+    def area(self) -> float:
+        return float(self.areas.sum())
+
+
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Facets):
     """Read-only arrays of a mesh and the quantities derived from them, each computed once.
 
     vertices (n, 3) float64; triangles (m, 3) int64; vertex_map (N,) int64: for each of the mesh's N vertices its row in
@@ -78,20 +99,6 @@ class Surface:
         corners = self.triangles[triangles]
         used, rows = np.unique(corners, return_inverse=True)
         return Surface.from_arrays(self.vertices[used], rows.reshape(-1, 3))
-
-    @cached_property
-    def area_vectors(self) -> Floats:
-        """Each triangle's normal times its area (m, 3)."""
-        return geometry.area_vectors(self.vertices, self.triangles)
-
-    @cached_property
-    def areas(self) -> Floats:
-        """Triangle areas (m,)."""
-        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
-
-    @cached_property
-    def area(self) -> float:
-        return float(self.areas.sum())
 
     @cached_property
     def diagonal(self) -> float:

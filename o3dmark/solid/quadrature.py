@@ -1,34 +1,16 @@
 """A surface as quadrature points: positions with area vectors, by which integrals over it become sums."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
+from o3dmark.mesh.surface import Facets
 
 _MOST_PARTS = 600_000  # by which triangles may be cut; of 150 real meshes none needs more than 460 000
 _NOTHING = 1e-13  # of the area: a triangle so small counts as one point, however long it is
 _CORNERS = np.full((3, 3), 1 / 6) + np.eye(3) / 2  # the three-point rule, exact for quadratics
-
-
-class Facets(Protocol):
-    """What can be sampled: vertices (n, 3), triangles (m, 3) and their area vectors (m, 3), areas (m,) and whole area.
-
-    A `Solid`, or a `Surface`.
-    """
-
-    @property
-    def vertices(self) -> Floats: ...
-    @property
-    def triangles(self) -> Ints: ...
-    @property
-    def area_vectors(self) -> Floats: ...
-    @property
-    def areas(self) -> Floats: ...
-    @property
-    def area(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,12 @@ import scipy.sparse as sp
 
 from o3dmark.arrays import Bools, Floats, Ints
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import Surface
+from o3dmark.mesh.surface import Facets, Surface
 from o3dmark.solid.closing import fans, oriented
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Solid(Facets):
     """A closed, outward surface: vertices (n, 3), triangles (m, 3). The first ``len(movable)`` vertices are the mesh's.
 
     ``movable`` (n_mesh,) is True at the vertices that the fans over the holes do not touch.
@@ -45,19 +45,6 @@ class Solid:
     def moved(self, vertices: Floats) -> "Solid":
         """The same solid with the mesh's vertices at ``vertices`` (n_mesh, 3). Only movable ones may have moved."""
         return Solid(np.concatenate([vertices, self.vertices[len(vertices) :]]), self.triangles, self.movable)
-
-    @cached_property
-    def area_vectors(self) -> Floats:
-        return geometry.area_vectors(self.vertices, self.triangles)
-
-    @cached_property
-    def areas(self) -> Floats:
-        """Triangle areas (m,)."""
-        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
-
-    @cached_property
-    def area(self) -> float:
-        return float(self.areas.sum())
 
     @cached_property
     def vertex_area_vectors(self) -> Floats:

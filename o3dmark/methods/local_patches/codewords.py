@@ -105,8 +105,12 @@ class Share:
 
     def off(self, phase: Floats) -> tuple[Floats, Floats]:
         """How far phases (..., K) are from codewords of either bit, and the period (K,) of these."""
-        period = np.where(np.arange(phase.shape[-1]) < self.pilots, 1.0, 0.5)
-        return phase - period * np.rint(phase / period), period
+        return phase - self.period * np.rint(phase / self.period), self.period
+
+    @cached_property
+    def period(self) -> Floats:
+        """How far apart codewords of either bit are (K,): a pilot has no bit but 0."""
+        return np.where(np.arange(len(self.source)) < self.pilots, 1.0, 0.5)
 
     def log10_p(self, agreement: Floats) -> Floats:
         """log10 of the probability (...) that a wrong key agrees so well."""

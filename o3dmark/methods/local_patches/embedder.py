@@ -178,14 +178,20 @@ class Plan:
     def _inverse(self) -> Floats:
         return _inverse(self.gram)
 
+    @cached_property
+    def _spectrum(self) -> tuple[Floats, Floats]:
+        """Eigenvalues (K,) and vectors (K, K) of the Gram matrix, errors of carriers counted fourfold."""
+        root = 1.0 / self.share.period
+        values, vectors = np.linalg.eigh(root[:, None] * self.gram * root)
+        return values, vectors
+
     def target(self, agreement: float) -> Floats:
         """How far to take phases (K,) towards their codewords for so much agreement at the least cost.
 
         Of the price of the motion plus a weight times the squared distances left, carriers' counted fourfold, the
         least.
         """
-        root = np.where(np.arange(len(self.phase)) < self.share.pilots, 1.0, 2.0)
-        values, vectors = np.linalg.eigh(root[:, None] * self.gram * root)
+        root, (values, vectors) = 1.0 / self.share.period, self._spectrum
         wanted = vectors.T @ (root * (self.codeword - self.phase))
         low, high = _WEIGHTS
         for _ in range(_HALVINGS):

@@ -100,8 +100,8 @@ class LocalPatches(Method):
     def radius_on(self, surface: Surface) -> float:
         """The radius of the patches that a surface gets, in its unit."""
         form = FORMATS[self.format]
-        radius = form.nearest_rung(self.radius * np.sqrt(surface.area))
-        while mean_edge(surface) > _COARSE * radius:
+        radius, edge = form.nearest_rung(self.radius * np.sqrt(surface.area)), mean_edge(surface)
+        while edge > _COARSE * radius:
             radius *= form.ratio
         return radius
 
@@ -111,7 +111,7 @@ class LocalPatches(Method):
         if reference is not None:
             raise MeshError("local-patches reads without a reference")
         look, shares = self.observe(mesh), Share.all_of(key, FORMATS[self.format], n_bits)
-        tried = [seen for seen in look.seen if self.search or self._is_likely(seen.sampled)]
+        tried = look.seen if self.search else self._likely(look)
         candidates: list[Hit] = []
         for seen in tried:
             here = seen.candidates(shares, times=len(tried))
@@ -121,9 +121,12 @@ class LocalPatches(Method):
         candidates.sort(key=lambda hit: hit.log10_p)
         return _told(candidates[:1], candidates, n_bits)
 
-    def _is_likely(self, sampled: Sampled) -> bool:
-        """Whether patches have that radius if the surface is whole."""
-        return bool(np.isclose(sampled.radius, self.radius_on(sampled.surface)))
+    def _likely(self, look: Look) -> tuple[Seen, ...]:
+        """What is seen at the radius that patches have if the surface is whole."""
+        if not look.seen:
+            return ()
+        radius = self.radius_on(look.seen[0].sampled.surface)
+        return tuple(seen for seen in look.seen if np.isclose(seen.sampled.radius, radius))
 
     def observe(self, mesh: Any) -> Look:
         """See `Method.observe`."""
