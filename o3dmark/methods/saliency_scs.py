@@ -39,6 +39,7 @@ from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.smoothing import InverseSmoothing, umbrella
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods._distortion import MRMS_MARGIN, estimated_mrms
 from o3dmark.methods._remembered import Remembered
 from o3dmark.methods._threads import one_thread
 from o3dmark.registry import option
@@ -72,7 +73,6 @@ FORMATS = MappingProxyType(
 
 # What tunes the writer
 _VERTICES_PER_BIT = 16
-_MRMS_MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
 
 # What tunes the reader
 _STOP_LOG10_P = -6.0  # of the p-value below which the reader looks no further, unless the next try may be better:
@@ -215,7 +215,7 @@ class SaliencySCS(Method):
 
         for step in self._steps(surface, salient):  # the largest first
             vertices = reconstructed(step)
-            if self.step or self.lam or _mrms(surface, vertices) <= _MRMS_MARGIN * self.mrms * surface.diagonal:
+            if self.step or self.lam or estimated_mrms(surface, vertices) <= MRMS_MARGIN * self.mrms:
                 return with_vertices(mesh, surface, vertices)
         raise MeshError(f"no step meets an MRMS of {self.mrms} of the diagonal; ask for a larger one")
 
@@ -355,9 +355,3 @@ def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, 
 def _coherence(vectors: Complexes) -> float:
     """How far the vectors (k,) lie along 0 or pi: 1 when all do, about 0 when their angles are random."""
     return float((vectors**2).real.sum() / np.maximum(np.sum(np.abs(vectors) ** 2), 1e-300))
-
-
-def _mrms(surface: Surface, vertices: Floats) -> float:
-    """RMS distance to the surface moved to ``vertices`` (n, 3), to first order: the normal part of the motion."""
-    areas = geometry.area_vectors(surface.vertices, surface.triangles)
-    return geometry.normal_rms(areas, (vertices - surface.vertices)[surface.triangles])

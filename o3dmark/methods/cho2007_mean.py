@@ -1,0 +1,34 @@
+"""A bit in the mean of each bin of vertex norms.
+
+Cho, Prost, Jung, "An oblivious watermarking for 3-D polygonal meshes using distribution of vertex norms", IEEE
+Transactions on Signal Processing 55 (1), 2007, method I.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from o3dmark.methods import METHODS
+from o3dmark.methods._norm_bins import Mean, NormBinsMethod, Statistic
+from o3dmark.registry import option
+
+
+@METHODS.register("cho2007-mean")
+@dataclass(frozen=True)
+class Cho2007Mean(NormBinsMethod):
+    """A bit in the mean of each bin of vertex norms (Cho, Prost and Jung 2007, method I); blind.
+
+    Invariant to similarities and to the order of vertices and triangles. Cannot survive what moves the mean of the
+    vertices or the extreme norms: cropping, uneven remeshing or simplification.
+
+    Reconstructed: that the first and the last bin are not used, and the rounds that hold the centre. The key is ours.
+    """
+
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
+    statistic: ClassVar[Statistic] = Mean()
+    largest: ClassVar[float] = 0.45
+
+    alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths; published 0.03 to 0.1")
+
+    @property
+    def strength(self) -> float:
+        return self.alpha
