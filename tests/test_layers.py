@@ -40,6 +40,7 @@ DOORS = {
     "open3d": {"mesh", "files", "view", "synthetic", "attacks"},
     "pymeshlab": {"attacks._meshlab"},
     "finufft": {"solid.spectrum"},
+    "clarabel": {"methods._bin_program"},
     "matplotlib": {"report", "view"},
     "typer": {"cli"},
     "distributed": {"campaign.pool"},

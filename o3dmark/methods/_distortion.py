@@ -11,6 +11,8 @@ from o3dmark.mesh.surface import Surface
 MRMS_MARGIN = 0.97  # the estimate of the MRMS was up to 2 % below the measured one
 _TOLERANCE = 0.04  # of the distortion asked for; beyond the margin
 _MOST_TRIES = 30
+_CAUTION = 0.7  # of a strength that was out of reach is tried next
+_CLOSE = 1.02  # ratio of the largest strength and one that is taken for it
 
 
 def estimated_mrms(surface: Surface, vertices: Floats) -> float:
@@ -19,13 +21,18 @@ def estimated_mrms(surface: Surface, vertices: Floats) -> float:
     return geometry.normal_rms(surface.area_vectors, motion) / surface.diagonal
 
 
+class OutOfReachError(MeshError):
+    """A strength that a mesh cannot bear; a smaller one may do."""
+
+
 def with_mrms(
     surface: Surface, moved: Callable[[float], Floats], target: float, start: float, least: float, largest: float
 ) -> Floats:
     """The vertices ``moved(strength)`` whose MRMS is ``target``, over the diagonal, or up to 7 % less.
 
     The strength is looked for between ``least`` and ``largest``, from ``start`` on, by regula falsi between logarithms,
-    or by bisection where that does not narrow the range.
+    or by bisection where that does not narrow the range. Where a strength is too large,
+    ``moved`` raises OutOfReachError.
 
     Errors: MeshError when no strength in the range has that distortion; says which distortions there are.
     """
@@ -34,15 +41,22 @@ def with_mrms(
     above: tuple[float, float] | None = None
     strength = start
     for attempt in range(_MOST_TRIES):
-        vertices = moved(strength)
+        try:
+            vertices = moved(strength)
+        except OutOfReachError:
+            if below is None and strength <= least:
+                raise
+            largest = strength * _CAUTION if below is None else math.sqrt(below[0] * strength)
+            strength = max(largest, least)
+            continue
         error = math.log(max(estimated_mrms(surface, vertices), 1e-300) / goal)
         if abs(error) <= _TOLERANCE / 2.0:
             return vertices
-        if (error < 0 and strength >= largest) or (error > 0 and strength <= least):
-            word, there = ("at most", largest) if error < 0 else ("at least", least)
+        if (error < 0 and strength >= largest / _CLOSE) or (error > 0 and strength <= least):
+            word = "at most" if error < 0 else "at least"
             raise MeshError(
                 f"an MRMS of {target:.3g} of the diagonal is out of reach: a mark in this mesh costs {word}"
-                f" {goal * math.exp(error):.3g}, at the strength {there:.3g}. Ask for that, or for no mrms"
+                f" {goal * math.exp(error):.3g}, at the strength {strength:.3g}. Ask for that, or for no mrms"
             )
         if error < 0:
             below = strength, error

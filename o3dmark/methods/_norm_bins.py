@@ -19,7 +19,7 @@ from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._published import Deal, PublishedMethod
 
-_SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
+SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
 _STEEPEST = 50.0  # power; reached where a bin has a handful of values
 _NEWTON_STEPS, _NEWTON_TOLERANCE = 25, 1e-10
 _ROUNDS = 3  # of embedding about the centre that the last one left; the centre then rests within 1e-6 of the norms
@@ -220,4 +220,4 @@ def vertex_norms(vertices: Floats) -> Floats:
 
 
 def _spread(norms: Floats) -> bool:
-    return len(norms) > 0 and bool(np.ptp(norms) > _SPREAD * norms.max())
+    return len(norms) > 0 and bool(np.ptp(norms) > SPREAD * norms.max())
