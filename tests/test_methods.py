@@ -1,6 +1,7 @@
 """The contract of every registered method: tested by existing."""
 
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,12 +28,12 @@ def first_sight(name: str) -> Method:
 
 
 @pytest.fixture(scope="module")
-def marks(carrier: Any, key: Key) -> dict[str, Any]:
-    """The carrier with BITS by the name of the method, marked when first asked for."""
+def marks(cover_for: Callable[[str], Any], key: Key) -> dict[str, Any]:
+    """A cover with BITS by the name of the method, marked when first asked for."""
 
     class Marks(dict[str, Any]):
         def __missing__(self, name: str) -> Any:
-            self[name] = METHODS.make(name).embed(carrier, BITS, key)
+            self[name] = METHODS.make(name).embed(cover_for(name), BITS, key)
             return self[name]
 
     return Marks()
@@ -45,11 +46,12 @@ def test_reads_what_it_wrote(name: str, marks: dict[str, Any], key: Key) -> None
 
 
 def test_leaves_the_cover_alone_and_marks_it_alike_each_time(
-    name: str, carrier: Any, marks: dict[str, Any], key: Key
+    name: str, cover_for: Callable[[str], Any], marks: dict[str, Any], key: Key
 ) -> None:
-    before, first = mesh_arrays(carrier), mesh_arrays(marks[name])
-    again = mesh_arrays(METHODS.make(name).embed(carrier, BITS, key))
-    for kept, given in zip(before, mesh_arrays(carrier), strict=True):
+    cover = cover_for(name)
+    before, first = mesh_arrays(cover), mesh_arrays(marks[name])
+    again = mesh_arrays(METHODS.make(name).embed(cover, BITS, key))
+    for kept, given in zip(before, mesh_arrays(cover), strict=True):
         np.testing.assert_array_equal(kept, given)
     np.testing.assert_array_equal(first[1], before[1])
     assert not np.array_equal(first[0], before[0])
@@ -88,8 +90,9 @@ def test_observing_a_mesh_once_serves_every_key(name: str, marks: dict[str, Any]
 
 
 def test_too_many_bits_say_how_many_fit(name: str, key: Key) -> None:
-    small = TriangleMesh.create_sphere(resolution=8)
     method = METHODS.make(name)
+    semi_regular = TriangleMesh.create_octahedron().subdivide_midpoint(2)
+    small = semi_regular if method.needs_semi_regular else TriangleMesh.create_sphere(resolution=8)
     fits = method.capacity(small)
     with pytest.raises(CapacityError, match=str(fits)) as caught:
         method.embed(small, np.zeros(fits + 1, int), key)
@@ -102,6 +105,16 @@ def test_a_blind_method_refuses_a_reference(name: str, carrier: Any, key: Key) -
         pytest.skip("takes a reference")
     with pytest.raises(MeshError, match="reference"):
         method.extract(carrier, 16, key, reference=carrier)
+
+
+def test_what_is_not_semi_regular_is_refused_where_it_must_be(name: str, carrier: Any, key: Key) -> None:
+    method = METHODS.make(name)
+    if not method.needs_semi_regular:
+        pytest.skip("takes any mesh")
+    for act in (lambda: method.embed(carrier, BITS, key), lambda: method.capacity(carrier)):
+        with pytest.raises(MeshError, match="not semi-regular"):
+            act()
+    assert not method.extract(carrier, 16, key).soft.any()
 
 
 def test_no_area_is_refused(name: str, key: Key) -> None:

@@ -14,7 +14,8 @@ from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.semi_regular import subdivisions
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.motion.hinges import Hinges
 from o3dmark.registry import spec_of
 from o3dmark.synthetic import SHAPES, Sculpture, make
@@ -263,6 +264,20 @@ def test_the_car_is_smooth_all_over() -> None:
     assert length > 2 * width > 2 * height
 
 
+def test_a_semi_regular_sculpture_is_a_coarse_one_refined_on_its_solid() -> None:
+    coarse, field = SHAPES.make("vase:vertices=120").sculpted()  # type: ignore[attr-defined]
+    mesh = make("semi_regular:of=vase,coarse=120,levels=2")
+    vertices, triangles = mesh_arrays(mesh)
+    assert len(subdivisions(Surface.from_arrays(vertices, triangles))) == 2
+    np.testing.assert_array_equal(vertices[:120], coarse.vertices)
+    assert is_sound(mesh, 0)
+    flat = np.asarray(coarse.subdivide_midpoint(2).vertices)
+    assert np.abs(field(vertices)).mean() < 0.2 * np.abs(field(flat)).mean()
+    for spec in ("semi_regular:coarse=10", "semi_regular:levels=0", "semi_regular:of=plane"):
+        with pytest.raises(SpecError):
+            SHAPES.make(spec)
+
+
 def test_the_plane_is_open_and_faces_z() -> None:
     mesh = make("plane:vertices=400")
     vertices, triangles = mesh_arrays(mesh)
@@ -272,4 +287,4 @@ def test_the_plane_is_open_and_faces_z() -> None:
 
 
 def test_every_registered_shape_has_a_stand_in_or_a_known_volume() -> None:
-    assert set(SHAPES) == set(NAMES) | set(PRIMITIVES) | {"plane", "bracket", "car"}
+    assert set(SHAPES) == set(NAMES) | set(PRIMITIVES) | {"plane", "bracket", "car", "semi_regular"}

@@ -43,6 +43,7 @@ def test_a_mesh_is_refused_when_nothing_that_was_written_can_be_read(key: Key, m
 def test_the_command_keeps_no_file_that_cannot_be_read(
     name: str,
     spot: TriangleMesh,
+    semi_regular: TriangleMesh,
     key: Key,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -50,7 +51,7 @@ def test_the_command_keeps_no_file_that_cannot_be_read(
 ) -> None:
     """Whatever the method: its reader, struck blind here, decides what is kept, and an older file is left alone."""
     key.save(tmp_path / "owner.key")
-    write_mesh(tmp_path / "cover.ply", spot)
+    write_mesh(tmp_path / "cover.ply", semi_regular if METHODS[name].needs_semi_regular else spot)
     (tmp_path / "out.ply").write_text("older")
     monkeypatch.setattr(type(METHODS.make(name)), "extract", lambda *_, **__: Extraction(np.zeros(16)))
     words = ["embed", tmp_path / "cover.ply", tmp_path / "out.ply", "--key", tmp_path / "owner.key", "--method", name]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from o3dmark.arrays import Bits, Complexes, Floats
+from o3dmark.arrays import Bits, Complexes, Floats, Ints
 
 # l in the bound: any is valid. These lose 0.05 in log10 p against the best one, more only below 10^-19.
 _SLOPES = np.geomspace(0.02, 200.0, 60)
@@ -65,6 +65,25 @@ class ScalarCosta:
 def coherence(phase: Floats) -> Floats:
     """How near phases (..., K) are to codewords, whatever their bits: 1 on them, about 0 at random."""
     return np.asarray(np.cos(4.0 * np.pi * phase).mean(axis=-1))
+
+
+def bit_vectors(values: Floats, dither: Floats, bit: Ints, steps: Floats, n_bits: int, weights: Floats) -> Complexes:
+    """For every step (s,) and bit: the sum of exp(2 pi i phase) over the values (c,) that carry it, (s, n_bits).
+
+    Each value counts as its weight (c,) says. Vectors are in units of their deviation at random phases.
+    """
+    power = np.bincount(bit, weights**2, minlength=n_bits)
+    vectors = np.empty((len(steps), n_bits), np.complex128)
+    for row, step in zip(vectors, steps, strict=True):
+        angle = 2.0 * np.pi * ScalarCosta(step).phase(values, dither)
+        row.real = np.bincount(bit, weights * np.cos(angle), minlength=n_bits)
+        row.imag = np.bincount(bit, weights * np.sin(angle), minlength=n_bits)
+    return vectors / np.sqrt(np.where(power > 0, power, 1.0) / 2.0)
+
+
+def vector_coherence(vectors: Complexes) -> float:
+    """How far vectors (k,) lie along 0 or pi: 1 when all do, about 0 when their angles are random."""
+    return float((vectors**2).real.sum() / np.maximum(np.sum(np.abs(vectors) ** 2), 1e-300))
 
 
 def coherence_log10p(vectors: Complexes) -> Floats:

@@ -138,6 +138,7 @@ class Method(abc.ABC):
 
     name: ClassVar[str] = ""
     finds_pieces: ClassVar[bool] = False  # whether it looks by itself at all that a surface may be (see `received`)
+    needs_semi_regular: ClassVar[bool] = False  # whether it refuses all but semi-regular meshes (`mesh.semi_regular`)
     claims: ClassVar[tuple[str, ...]] = ()  # attacks that 16 bits must survive: the contract tests
 
     @property

@@ -66,6 +66,25 @@ def with_mrms(
     raise MeshError(f"no strength has an MRMS of {target:.3g} of the diagonal: it jumps there; ask for another one")
 
 
+def within_mrms(surface: Surface, moved: Callable[[float], Floats], target: float, strengths: Floats) -> Floats:
+    """The vertices ``moved(strength)`` of the largest of the ``strengths``, in ascending order, with an MRMS in target.
+
+    Errors: MeshError when the MRMS of the least strength is larger.
+    """
+    low, high = -1, len(strengths)  # the target lies between
+    best = None
+    while high - low > 1:
+        middle = (low + high) // 2
+        vertices = moved(float(strengths[middle]))
+        if estimated_mrms(surface, vertices) <= MRMS_MARGIN * target:
+            low, best = middle, vertices
+        else:
+            high = middle
+    if best is None:
+        raise MeshError(f"no strength meets an MRMS of {target:.3g} of the diagonal; ask for a larger one")
+    return best
+
+
 def _next(
     strength: float, error: float, below: tuple[float, float] | None, above: tuple[float, float] | None, attempt: int
 ) -> float:

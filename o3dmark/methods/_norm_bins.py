@@ -200,7 +200,7 @@ class NormBinsMethod(PublishedMethod):
         return moved
 
     def observe(self, mesh: Any) -> Any:
-        """See `Method.observe`: the norms of the vertices that carry bits."""
+        """See `Method.observe`: the norms of the vertices that carry bits, about the mean of all."""
         if isinstance(mesh, np.ndarray):
             return mesh
         surface = Surface.of(mesh)

@@ -13,7 +13,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import Extraction, Method
-from o3dmark.methods._distortion import with_mrms
+from o3dmark.methods._distortion import with_mrms, within_mrms
 from o3dmark.methods._threads import one_thread
 from o3dmark.registry import option
 
@@ -72,6 +72,11 @@ class PublishedMethod(Method):
     def strength(self) -> float:
         """The published strength; distortion grows with it."""
 
+    @property
+    def ladder(self) -> Floats | None:
+        """The strengths to choose among for a distortion, ascending, where the reader must know them; None: any."""
+        return None
+
     @abc.abstractmethod
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """The vertices (n, 3) that carry ``message`` (n_bits,), as a function of the strength."""
@@ -90,6 +95,8 @@ class PublishedMethod(Method):
         moved = self.writer(surface, message, key)
         if self.mrms is None:
             vertices = moved(self.strength)
+        elif (ladder := self.ladder) is not None:
+            vertices = within_mrms(surface, moved, self.mrms, ladder)
         else:
             vertices = with_mrms(surface, moved, self.mrms, self.strength, self.least, self.largest)
         return with_vertices(mesh, surface, vertices)

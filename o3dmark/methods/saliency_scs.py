@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Bools, Complexes, Floats, Ints
 from o3dmark.coding.keys import Key
-from o3dmark.coding.scs import ScalarCosta, coherence_log10p
+from o3dmark.coding.scs import ScalarCosta, bit_vectors, coherence_log10p, vector_coherence
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh import geometry, registration
 from o3dmark.mesh.saliency import Saliency
@@ -233,7 +233,8 @@ class SaliencySCS(Method):
             else:
                 carriers = self._order_of_cover(Surface.of(reference), seen.received, n_bits, key)
             steps = self._steps(guess.surface, seen.salient)
-            vectors = _agreement(guess.spherical.norms, carriers, seen.trust, steps, n_bits)
+            values, weights = guess.spherical.norms[carriers.vertex], seen.trust[carriers.vertex]
+            vectors = bit_vectors(values, carriers.dither, carriers.bit, steps, n_bits, weights)
             log_p = coherence_log10p(vectors)
             tried += len(steps)
             better = log_p.min() < least
@@ -327,7 +328,7 @@ def _extraction(guess: Guess, vectors: Complexes, step: float) -> Extraction:
         step=step,
         smoothing="umbrella" if guess.smoothed else None,
         passes=guess.smoothed,
-        coherence=_coherence(vectors),
+        coherence=vector_coherence(vectors),
     )
 
 
@@ -338,20 +339,3 @@ def _places(values: Floats, counts: Ints | None = None) -> Ints:
     places = np.empty(len(values), np.int64)
     places[order] = np.cumsum(sizes) - sizes
     return places
-
-
-def _agreement(norms: Floats, carriers: Carriers, trust: Floats, steps: Floats, n_bits: int) -> Complexes:
-    """For every step (s,) and bit: the sum of exp(2 pi i phase) over its vertices (s, n_bits), in units of noise."""
-    values, weight = norms[carriers.vertex], trust[carriers.vertex]
-    power = np.bincount(carriers.bit, weight**2, minlength=n_bits)
-    vectors = np.empty((len(steps), n_bits), np.complex128)
-    for row, step in zip(vectors, steps, strict=True):
-        angle = 2.0 * np.pi * ScalarCosta(step).phase(values, carriers.dither)
-        row.real = np.bincount(carriers.bit, weight * np.cos(angle), minlength=n_bits)
-        row.imag = np.bincount(carriers.bit, weight * np.sin(angle), minlength=n_bits)
-    return vectors / np.sqrt(np.where(power > 0, power, 1.0) / 2.0)
-
-
-def _coherence(vectors: Complexes) -> float:
-    """How far the vectors (k,) lie along 0 or pi: 1 when all do, about 0 when their angles are random."""
-    return float((vectors**2).real.sum() / np.maximum(np.sum(np.abs(vectors) ** 2), 1e-300))

@@ -52,11 +52,16 @@ class Sculpture(Shape):
 
     def build(self) -> TriangleMesh:
         """The individual's mesh. Errors: MeshError when no manifold mesh with so few vertices was found."""
+        return self.sculpted()[0]
+
+    def sculpted(self) -> tuple[TriangleMesh, Field]:
+        """The individual's mesh, and the implicit solid that it is of. Errors: as in `build`."""
         rng = np.random.default_rng(self.seed)
         for _ in range(_POSES):
-            mesh = remesh(self.solid(rng), self.vertices, self.genus, self.detail, rng)
+            field = self.solid(rng)
+            mesh = remesh(field, self.vertices, self.genus, self.detail, rng)
             if mesh is not None:
-                return mesh
+                return mesh, field
         raise MeshError(f"no manifold {self.name} with {self.vertices} vertices was found; ask for more")
 
     @abc.abstractmethod
