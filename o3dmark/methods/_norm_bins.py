@@ -180,17 +180,18 @@ class NormBinsMethod(PublishedMethod):
         return int(np.count_nonzero(self.carriers(Surface.of(mesh)))) // self.vertices_per_bit
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
-        """See `PublishedMethod.writer`. Embedding moves the centre, so it is done again about the new one."""
-        used = self.carriers(surface)
+        """See `PublishedMethod.writer`. Embedding moves the centre, and who carries bits: it is done again there."""
+        first = self.carriers(surface)
         held = Deal.of(self.name, len(message), key).written(message)
-        if not _spread(vertex_norms(surface.vertices)[used]):
+        if not _spread(vertex_norms(surface.vertices)[first]):
             raise MeshError(
                 "all vertices that carry bits lie at one distance from their mean: nothing tells bins apart"
             )
 
         def moved(alpha: float) -> Floats:
             vertices = surface.vertices.copy()
-            for _ in range(_ROUNDS):
+            for done in range(_ROUNDS):
+                used = self.carriers(surface.moved(vertices)) if done else first
                 centre, norms = vertices.mean(axis=0), vertex_norms(vertices)
                 bins = Bins.equal_width(norms[used], len(held))
                 new = modulated(norms[used], bins, self.statistic, held, alpha)
