@@ -11,6 +11,7 @@ from o3dmark.errors import MeshError, SpecError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
 from o3dmark.methods import METHODS
+from o3dmark.methods._distortion import OutOfReachError, estimated_mrms, with_mrms
 from o3dmark.methods._norm_bins import (
     Bins,
     Mean,
@@ -145,3 +146,29 @@ def test_a_deal_is_undone(key: Key) -> None:
     np.testing.assert_array_equal(deal.read(2.0 * deal.written(message) - 1.0) > 0, message == 1)
     assert sorted(deal.bit) == list(range(16))
     assert 0 < deal.inverted.sum() < 16
+
+
+def test_where_the_distortion_jumps_the_nearest_below_is_taken(spot: TriangleMesh) -> None:
+    surface = Surface.of(spot)
+
+    def moved(strength: float) -> Any:
+        return surface.vertices * (1.0 + (strength if strength < 0.01 else 2.0 * strength))
+
+    reached = estimated_mrms(surface, moved(0.01 - 1e-9))
+    vertices = with_mrms(surface, moved, 1.5 * reached, 0.02, 1e-4, 1.0)
+    assert np.isclose(estimated_mrms(surface, vertices), reached, rtol=1e-3)
+
+
+def test_a_strength_that_a_mesh_cannot_bear_is_kept_away_from(spot: TriangleMesh) -> None:
+    surface = Surface.of(spot)
+
+    def moved(strength: float) -> Any:
+        if strength > 0.05:
+            raise OutOfReachError("too strong")
+        return surface.vertices * (1.0 + strength)
+
+    most = estimated_mrms(surface, moved(0.05))
+    vertices = with_mrms(surface, moved, 0.5 * most, 0.5, 1e-4, 1.0)
+    assert 0.45 * most < estimated_mrms(surface, vertices) <= 0.5 * most
+    with pytest.raises(MeshError, match="at most"):
+        with_mrms(surface, moved, 3.0 * most, 0.01, 1e-4, 1.0)

@@ -30,6 +30,8 @@ def with_mrms(
 ) -> Floats:
     """The vertices ``moved(strength)`` whose MRMS is ``target``, over the diagonal, or up to 7 % less.
 
+    Where the MRMS jumps, as who carries bits may change with the strength: the nearest below that was found.
+
     The strength is looked for between ``least`` and ``largest``, from ``start`` on, by regula falsi between logarithms,
     or by bisection where that does not narrow the range. Where a strength is too large,
     ``moved`` raises OutOfReachError.
@@ -39,7 +41,7 @@ def with_mrms(
     goal = MRMS_MARGIN * (1.0 - _TOLERANCE / 2.0) * target
     below: tuple[float, float] | None = None  # strength and log ratio of MRMS and goal, on either side of the goal
     above: tuple[float, float] | None = None
-    strength = start
+    strength, nearest = start, None
     for attempt in range(_MOST_TRIES):
         try:
             vertices = moved(strength)
@@ -59,11 +61,13 @@ def with_mrms(
                 f" {goal * math.exp(error):.3g}, at the strength {strength:.3g}. Ask for that, or for no mrms"
             )
         if error < 0:
-            below = strength, error
+            below, nearest = (strength, error), vertices
         else:
             above = strength, error
         strength = min(max(_next(strength, error, below, above, attempt), least), largest)
-    raise MeshError(f"no strength has an MRMS of {target:.3g} of the diagonal: it jumps there; ask for another one")
+    if nearest is None:
+        raise MeshError(f"no strength has an MRMS of {target:.3g} of the diagonal or less; ask for a larger one")
+    return nearest
 
 
 def within_mrms(surface: Surface, moved: Callable[[float], Floats], target: float, strengths: Floats) -> Floats:

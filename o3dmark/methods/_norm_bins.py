@@ -22,7 +22,8 @@ from o3dmark.methods._published import Deal, PublishedMethod
 SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
 _STEEPEST = 50.0  # power; reached where a bin has a handful of values
 _NEWTON_STEPS, _NEWTON_TOLERANCE = 25, 1e-10
-_ROUNDS = 3  # of embedding about the centre that the last one left; the centre then rests within 1e-6 of the norms
+_ROUNDS = 3  # of embedding about the centre that the last one left; on Bunny and Venus one would do
+_FLAT = 1e-12  # slope of a bin that no power moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +137,9 @@ def powers(terms: Floats, bins: Bins, targets: Floats) -> Floats:
         raised = np.exp(k[place] * logs)
         error = np.bincount(place, raised, minlength=bins.count) / size - targets
         slope = k * np.bincount(place, raised * logs, minlength=bins.count) / size
-        step = np.divide(-error, slope, out=np.zeros_like(error), where=slope < 0)
+        step = np.divide(-error, slope, out=np.zeros_like(error), where=slope < -_FLAT)
         log_k = np.clip(log_k + np.clip(step, -1.0, 1.0), -limit, limit)
-        if np.abs(error[slope < 0]).max(initial=0.0) < _NEWTON_TOLERANCE:
+        if np.abs(error[slope < -_FLAT]).max(initial=0.0) < _NEWTON_TOLERANCE:
             break
     return np.exp(log_k)
 
