@@ -29,9 +29,11 @@ from o3dmark.cli import commands
 from o3dmark.errors import SpecError
 from o3dmark.registry import Registry, describe
 from o3dmark.report.content import corr_number, number
+from o3dmark.report.cost import TABLE as COST
 from o3dmark.report.cost import cost, measure
 from o3dmark.report.data import Entry, Results
 from o3dmark.report.markdown import inline, table_lines
+from o3dmark.report.published import COMPARISON
 from o3dmark.report.summary import corr, mean
 from o3dmark.report.tables import published_conditions
 
@@ -311,6 +313,69 @@ def summary_table() -> str:
     return grid([table.head[column] for column in (0, 1, *shown)], cells)
 
 
+def rivals_table() -> str:
+    """Corr of each method that has published figures, as published and as measured here, condition by condition."""
+    result = results("rivals")
+    methods = rivals(result, [group + COMPARISON for group in result.groups])
+    rows = [
+        [
+            f"{inline(mesh)}, {line_name(group, condition)}",
+            *(
+                text
+                for method, ours in methods.items()
+                for text in (
+                    corr_number(result.published.value(group + COMPARISON, condition, mesh, method=method)),
+                    *(corr_number(corr(result.of(who, group, condition, mesh))) for who in ours),
+                )
+            ),
+        ]
+        for mesh in result.meshes
+        for group, condition in result.conditions
+        if result.published.value(group + COMPARISON, condition, mesh) is not None
+    ]
+    return grid(["mean Corr", *rivals_head(result, methods)], rows)
+
+
+def rivals_cost_table() -> str:
+    """What marks of these methods cost, as published and as measured here."""
+    result, table = results("rivals"), COST + COMPARISON
+    methods = rivals(result, [table])
+    rows = [
+        [
+            f"{inline(mesh)}, {measure(metric).title}",
+            *(
+                text
+                for method, ours in methods.items()
+                for text in (
+                    number(result.published.value(table, "", mesh, measure(metric).published, method), 3),
+                    *(number(cost(result, who, metric, mesh), 3) for who in ours),
+                )
+            ),
+        ]
+        for mesh in result.meshes
+        for metric in ("mrms", "msdm")
+    ]
+    return grid(["", *rivals_head(result, methods)], rows)
+
+
+def rivals(result: Results, groups: Sequence[str]) -> dict[str, list[Entry]]:
+    """The methods of published tables, but for the main one, and the entries that are named after each."""
+    told = distinct(method for group in groups for method in result.published.methods(group))
+    return {
+        method: [who for who in result.entries if who.label.startswith(method)]
+        for method in told
+        if method != result.published.method
+    }
+
+
+def rivals_head(result: Results, methods: dict[str, list[Entry]]) -> list[str]:
+    return [
+        text
+        for method, ours in methods.items()
+        for text in (f"{result.published.name(method)}, published", *(inline(who.label) for who in ours))
+    ]
+
+
 def edits_table() -> str:
     blindly, beside = map(results, EDITS[:2]), map(results, EDITS[2:])
     return grid(*counts.edits([*blindly], [*beside]), left=4)
@@ -353,6 +418,8 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "fragments": (lambda: grid(*counts.edits([results("fragments")], []), left=4), ("fragments",)),
     "motion": (lambda: grid(*counts.motions(results("motion"), before="least", after="unseen")), ("motion",)),
     "cap and eye": (lambda: grid(*counts.held_back(results("seen"))), ("seen",)),
+    "rivals": (rivals_table, ("rivals",)),
+    "rivals cost": (rivals_cost_table, ("rivals",)),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),
     **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},
 }

@@ -177,14 +177,17 @@ def test_the_campaigns_of_the_package_are_sound(name: str, tmp_path: Path) -> No
         == len(jobs)
         == len(plan.meshes) * len(plan.methods) * len(plan.seeds) * len(plan.bits)
     )
-    assert [mesh.name for mesh in plan.meshes if not mesh.digest] == ["Bimba"] * (name == "false_positives_single") + [
-        "Flower",
-        "Vase",
-        "Bimba",
-    ] * (name == "quick")
+    synthetic = {
+        "false_positives_single": ["Bimba"],
+        "quick": ["Flower", "Vase", "Bimba"],
+        "comparison_semi_regular": ["Bimba", "Horse", "Cup"],
+    }
+    assert [mesh.name for mesh in plan.meshes if not mesh.digest] == synthetic.get(name, [])
 
 
-@pytest.mark.parametrize("name", ["quick", "paper", "stress", "false_positives"])
+@pytest.mark.parametrize(
+    "name", ["quick", "paper", "stress", "false_positives", "comparison", "comparison_semi_regular"]
+)
 def test_some_campaigns_need_no_file(name: str) -> None:
     assert not any(mesh.digest for mesh in read_campaign(find_spec(name)).meshes)
 
