@@ -67,6 +67,18 @@ def test_the_solution_meets_every_constraint(spot: TriangleMesh, along: str) -> 
     np.testing.assert_allclose(across, 0.0, atol=1e-12)
 
 
+def test_a_step_that_goes_too_far_is_cut(spot: TriangleMesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a full step of a fine mesh may, where it takes vertices past one another."""
+    programme, whole = programme_of(spot, "radius"), Programme._nearest
+
+    def too_far(self: Programme, motion: Any, held: Any, alpha: float) -> Any:
+        return motion + 8.0 * (whole(self, motion, held, alpha) - motion)
+
+    monkeypatch.setattr(Programme, "_nearest", too_far)
+    after = Distances.of(programme.surface.moved(programme.solve(HELD, 0.05)))
+    assert ((2.0 * HELD - 1.0) * (after.means(programme.bins) - 0.5) > 0.05 - 1.1e-3).all()
+
+
 def test_no_motion_is_spent_on_a_bin_that_holds_its_bit(spot: TriangleMesh) -> None:
     """The constraints are inequalities, so the cover's own statistics are kept where they say the right thing."""
     programme = programme_of(spot, "radius")

@@ -31,7 +31,8 @@ from o3dmark.methods._distortion import OutOfReachError
 from o3dmark.methods._norm_bins import SPREAD, Bins, Mean
 from o3dmark.methods._published import Deal, PublishedMethod
 
-_MOST_ROUNDS, _TOLERANCE = 10, 1e-3  # of linearisation; what is left of a violation, in bin widths
+_MOST_ROUNDS, _MOST_HALVINGS = 12, 4  # of linearisation, and of a step that leaves more of a violation than there was
+_TOLERANCE = 1e-3  # what is left of a violation, in bin widths
 _MARGIN = 0.02  # of a bin's width
 _LEAST_SLOPE = 0.3  # |s_i| of vertices that move: along normals, others slide much and get hardly farther out
 
@@ -85,9 +86,17 @@ class Programme:
     def solve(self, held: Bits, alpha: float) -> Floats:
         """The vertices (n, 3) whose bins hold bits ``held`` (N,). Errors: MeshError where no motion does that."""
         motion = np.zeros(len(self.move))
+        violation = self._violation(motion, held, alpha)
         for _ in range(_MOST_ROUNDS):
-            motion = self._nearest(motion, held, alpha)
-            if self._violation(motion, held, alpha) < _TOLERANCE:
+            start, motion = motion, self._nearest(motion, held, alpha)
+            left = self._violation(motion, held, alpha)
+            for _ in range(_MOST_HALVINGS):
+                if left <= max(violation, _TOLERANCE):
+                    break
+                motion = (start + motion) / 2.0
+                left = self._violation(motion, held, alpha)
+            violation = left
+            if violation <= _TOLERANCE:
                 return self.moved(motion)
         raise OutOfReachError(
             f"no motion was found that writes these bits with alpha {alpha:.3g}: ask for a smaller one or fewer bits"
