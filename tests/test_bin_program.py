@@ -4,13 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fixtures.shapes import bits_of
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError
 from o3dmark.mesh.surface import Surface, TriangleMesh
 from o3dmark.methods import METHODS
-from o3dmark.methods._bin_program import Distances, Programme, area_growth
+from o3dmark.methods._bin_program import Distances, Programme, area_growth, nearest_point
 from o3dmark.methods._distortion import estimated_mrms
 from o3dmark.methods._norm_bins import Bins
 from o3dmark.methods.rolland2014 import quadrics
@@ -26,6 +27,17 @@ def programme_of(mesh: Any, along: str, cost: float = 1.0) -> Programme:
     ways = seen.u if along == "radius" else surface.normals
     move = np.flatnonzero((bins.of >= 0) & (np.abs(np.sum(ways * seen.u, axis=1)) > 0.3))
     return Programme(surface, bins, move, ways[move], np.full(len(move), cost), seen.centre)
+
+
+def test_the_nearest_point_under_constraints() -> None:
+    """On x + y = 1 with x <= 0.2, from (1, 1): dear y stays as near as it may. Nothing is nearer to no point."""
+    rows, start = sp.csc_array(np.array([[1.0, 1.0], [1.0, 0.0]])), np.ones(2)
+    found = nearest_point(start, np.array([1.0, 1.0]), rows, np.array([1.0, 0.2]), 1)
+    np.testing.assert_allclose(found, [0.2, 0.8], atol=1e-7)
+    found = nearest_point(start, np.array([1.0, 9.0]), rows, np.array([1.0, 0.2]), 1)
+    np.testing.assert_allclose(found, [0.1, 0.9], atol=1e-7)
+    contradiction = sp.csc_array(np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 0.0]]))
+    assert nearest_point(start, np.ones(2), contradiction, np.array([1.0, 0.0, 0.0]), 1) is None
 
 
 def test_area_growth_is_the_derivative_of_the_areas(spot: TriangleMesh) -> None:

@@ -77,6 +77,11 @@ class Programme:
     cost: Floats
     centre: Floats
 
+    @property
+    def width(self) -> float:
+        """Of a bin."""
+        return float(self.bins.edges[1] - self.bins.edges[0])
+
     def moved(self, motion: Floats) -> Floats:
         """All vertices (n, 3), those that move by ``motion`` (k,) along their directions."""
         vertices = self.surface.vertices.copy()
@@ -107,12 +112,12 @@ class Programme:
         seen = Distances.of(self.surface.moved(self.moved(motion)))
         lack = alpha - (2.0 * held.astype(np.float64) - 1.0) * (seen.means(self.bins) - Mean.level)
         filled = self.bins.sums(seen.area) > 0
-        drift = float(np.linalg.norm(seen.centre - self.centre)) / float(self.bins.edges[1] - self.bins.edges[0])
+        drift = float(np.linalg.norm(seen.centre - self.centre)) / self.width
         return max(drift, float(lack[filled].max(initial=0.0)))
 
     def _nearest(self, motion: Floats, held: Bits, alpha: float) -> Floats:
         """The motion (k,) nearest to another one at which the programme, linearised there, is met."""
-        width, sign = float(self.bins.edges[1] - self.bins.edges[0]), 2.0 * held.astype(np.float64) - 1.0
+        width, sign = self.width, 2.0 * held.astype(np.float64) - 1.0
         surface = self.surface.moved(self.moved(motion))
         seen, start = Distances.of(surface), motion / width
         slope = np.sum(seen.u[self.move] * self.directions, axis=1)
@@ -124,19 +129,14 @@ class Programme:
         drift = centre @ start - (seen.centre - self.centre) / width
         excess = sign * (seen.means(self.bins) - Mean.level) - alpha - signed @ start
         rows = sp.vstack([sp.csc_array(centre), -signed[filled], stay, -stay], format="csc")
-        limits = [drift, excess[filled], high - place, place - low]
-        cones = [clarabel.ZeroConeT(3), clarabel.NonnegativeConeT(rows.shape[0] - 3)]
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        cost = sp.diags_array(self.cost / self.cost.mean(), format="csc")
-        found = clarabel.DefaultSolver(cost, -(cost @ start), rows, np.concatenate(limits), cones, settings).solve()
-        if found.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+        limits = np.concatenate([drift, excess[filled], high - place, place - low])
+        found = nearest_point(start, self.cost, rows, limits, len(drift))
+        if found is None:
             raise OutOfReachError(
-                f"no motion writes these bits with alpha {alpha:.3g} and leaves the centre at rest ({found.status}):"
+                f"no motion writes these bits with alpha {alpha:.3g} and leaves the centre at rest:"
                 " ask for a smaller one or fewer bits"
             )
-        return np.asarray(found.x) * width
+        return found * width
 
     def derivatives(self, surface: Surface, seen: Distances) -> tuple[Floats, sp.csc_array]:
         """Of the centre (3, k), and of the bins' means (N, k) about a centre at rest, by each vertex's motion.
@@ -161,15 +161,30 @@ class Programme:
 
     def _by_areas(self, surface: Surface, seen: Distances, growth: Floats) -> sp.csc_array:
         """The derivative of the means (N, n) at constant distances: a corner that moves makes all three heavier."""
-        width, n = float(self.bins.edges[1] - self.bins.edges[0]), len(surface.vertices)
+        n = len(surface.vertices)
         used, corners = self.bins.of >= 0, surface.triangles
-        excess = (seen.rho - self.bins.edges[self.bins.of]) / width - seen.means(self.bins)[self.bins.of]
+        excess = (seen.rho - self.bins.edges[self.bins.of]) / self.width - seen.means(self.bins)[self.bins.of]
         excess = np.where(used, excess / self.bins.sums(seen.area)[self.bins.of], 0.0)
-        entries = growth[:, :, None] * excess[corners][:, None, :] * width / 3.0  # (m, who moves, who is heavier)
+        entries = growth[:, :, None] * excess[corners][:, None, :] * self.width / 3.0  # (m, who moves, who is heavier)
         rows = np.broadcast_to(self.bins.of[corners][:, None, :], entries.shape)
         columns = np.broadcast_to(corners[:, :, None], entries.shape)
         some = (entries != 0.0) & (rows >= 0)
         return sp.csc_array((entries[some], (rows[some], columns[some])), shape=(self.bins.count, n))
+
+
+def nearest_point(start: Floats, cost: Floats, rows: sp.csc_array, limits: Floats, equations: int) -> Floats | None:
+    """The x (k,) of least sum_i cost_i (x_i - start_i)^2 under rows x = limits, <= but in the first.
+
+    The first ``equations`` rows are equations, the others bounds. None where there is no such x.
+    """
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    cones = [clarabel.ZeroConeT(equations), clarabel.NonnegativeConeT(len(limits) - equations)]
+    P = sp.diags_array(cost / cost.mean(), format="csc")
+    found = clarabel.DefaultSolver(P, -(P @ start), rows, limits, cones, settings).solve()
+    solved = found.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+    return np.asarray(found.x) if solved else None
 
 
 def area_growth(surface: Surface, ways: Floats) -> Floats:

@@ -23,7 +23,7 @@ class Cho2007Mean(NormBinsMethod):
     Reconstructed: that the first and the last bin are not used, and the rounds that hold the centre. The key is ours.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
     statistic: ClassVar[Statistic] = Mean()
     largest: ClassVar[float] = 0.45
 

@@ -26,7 +26,7 @@ class Hamidi2017(WaveletNormsMethod):
     vectors of its two base triangles; a block of successive edges for a bit.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "subdivide:scheme=midpoint")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "subdivide:scheme=midpoint")
 
     gamma: float = option(0.85, "share of the way to the codeword; 1: plain quantisation (QIM)")
 

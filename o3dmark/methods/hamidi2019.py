@@ -27,7 +27,7 @@ class Hamidi2019(WaveletNormsMethod):
     in the base mesh, which the mark does not move; the share of them; the step; a block of successive ones for a bit.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "subdivide:scheme=midpoint")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "subdivide:scheme=midpoint")
 
     share: float = option(0.7, "salient share of the base edges")
     reach: float = option(0.25, "epsilon of the base mesh's saliency, over its mean edge")

@@ -29,7 +29,7 @@ class Nakazawa2010(NormBinsMethod):
     cho2007-mean lists. The key is ours.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "quantise:bits=11")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
     statistic: ClassVar[Statistic] = Mean()
     largest: ClassVar[float] = 0.45
 

@@ -32,7 +32,7 @@ class Rolland2014(BinProgrammeMethod):
     curvature, a diagonal of the quadrics, the rounds of linearisation. The key is ours.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
 
     alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
     along: Literal["radius", "normal"] = option("radius", "direction in which vertices move")

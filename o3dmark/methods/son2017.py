@@ -30,7 +30,7 @@ class Son2017(BinProgrammeMethod):
     key is ours.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
 
     alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
 

@@ -25,7 +25,7 @@ class Wang2008(WaveletNormsMethod):
     Reconstructed: epsilon and gamma, a block of successive edges for a bit, the direction of a zero coefficient.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "subdivide:scheme=midpoint")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "subdivide:scheme=midpoint")
 
     gamma: float = option(0.85, "share of the way to the codeword; 1: plain quantisation (QIM)")
 
