@@ -353,6 +353,7 @@ def rivals_cost_table() -> str:
             ),
         ]
         for mesh in result.meshes
+        if mesh in result.published.models(table)
         for metric in ("mrms", "msdm")
     ]
     return grid(["", *rivals_head(result, methods)], rows)
