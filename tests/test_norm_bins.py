@@ -17,6 +17,7 @@ from o3dmark.methods._norm_bins import (
     Mean,
     Statistic,
     Variance,
+    check_filled,
     modulated,
     normalised,
     powers,
@@ -25,6 +26,7 @@ from o3dmark.methods._norm_bins import (
 )
 from o3dmark.methods._published import Deal
 from o3dmark.metrics.distance import surface_distance
+from o3dmark.synthetic import make
 
 BOTH = pytest.mark.parametrize("statistic", [Mean(), Variance()], ids=["mean", "variance"])
 METHOD = pytest.mark.parametrize("name", ["cho2007-mean", "cho2007-variance"])
@@ -139,6 +141,26 @@ def test_a_ball_has_no_bins(name: str, key: Key) -> None:
     with pytest.raises(MeshError, match="one distance"):
         method.writer(ball, bits_of(1), key)  # type: ignore[attr-defined]
     assert not method.extract(ball, 16, key).soft.any()
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [("cho2007-mean", "cube"), ("rolland2014", "cube"), ("zhan2014", "plane"), ("nakazawa2010", "torus")],
+)
+def test_bins_that_hold_no_bit_are_refused(name: str, shape: str, key: Key) -> None:
+    """Regular shapes have few different norms, a plane has no curvature."""
+    with pytest.raises(MeshError, match=r"of 64 bins have fewer than 3 values"):
+        METHODS.make(name).embed(make(shape), bits_of(1, 64), key)
+
+
+def test_nearly_all_bins_have_to_hold_a_bit() -> None:
+    bins = Bins(np.repeat(np.arange(20), 3), np.arange(21.0))
+    values = np.arange(60.0)
+    values[:6] = 0.5  # two of twenty
+    check_filled(values, bins)
+    values[6:9] = 2.5
+    with pytest.raises(MeshError, match="3 of 20 bins"):
+        check_filled(values, bins)
 
 
 def test_a_deal_is_undone(key: Key) -> None:

@@ -28,7 +28,7 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._distortion import OutOfReachError
-from o3dmark.methods._norm_bins import SPREAD, Bins, Mean
+from o3dmark.methods._norm_bins import SPREAD, Bins, Mean, check_filled
 from o3dmark.methods._published import Deal, PublishedMethod
 
 _MOST_ROUNDS, _MOST_HALVINGS = 12, 4  # of linearisation, and of a step that leaves more of a violation than there was
@@ -162,9 +162,10 @@ class Programme:
     def _by_areas(self, surface: Surface, seen: Distances, growth: Floats) -> sp.csc_array:
         """The derivative of the means (N, n) at constant distances: a corner that moves makes all three heavier."""
         n = len(surface.vertices)
-        used, corners = self.bins.of >= 0, surface.triangles
-        excess = (seen.rho - self.bins.edges[self.bins.of]) / self.width - seen.means(self.bins)[self.bins.of]
-        excess = np.where(used, excess / self.bins.sums(seen.area)[self.bins.of], 0.0)
+        corners, used = surface.triangles, np.flatnonzero(self.bins.of >= 0)
+        bin_of, excess = self.bins.of[used], np.zeros(n)
+        place = (seen.rho[used] - self.bins.edges[bin_of]) / self.width
+        excess[used] = (place - seen.means(self.bins)[bin_of]) / self.bins.sums(seen.area)[bin_of]
         entries = growth[:, :, None] * excess[corners][:, None, :] * self.width / 3.0  # (m, who moves, who is heavier)
         rows = np.broadcast_to(self.bins.of[corners][:, None, :], entries.shape)
         columns = np.broadcast_to(corners[:, :, None], entries.shape)
@@ -221,9 +222,12 @@ class BinProgrammeMethod(PublishedMethod):
         if not seen.spread:
             raise MeshError("all vertices lie at one distance from the centre of the surface: nothing tells bins apart")
         bins = Bins.equal_width(seen.rho, len(message))
+        check_filled(seen.rho, bins)
         held = Deal.of(self.name, len(message), key).written(message)
         ways = self.directions(surface)
         move = np.flatnonzero((bins.of >= 0) & (np.abs(np.sum(ways * seen.u, axis=1)) > _LEAST_SLOPE))
+        if not len(move):
+            raise MeshError("no vertex comes nearer to the centre by moving along its normal: take along=radius")
         cost = self.costs(surface, ways)[move]
         programme = Programme(surface, bins, move, ways[move], cost, seen.centre)
         return lambda alpha: programme.solve(held, alpha)

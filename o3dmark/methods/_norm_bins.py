@@ -20,6 +20,7 @@ from o3dmark.methods import Extraction
 from o3dmark.methods._published import Deal, PublishedMethod
 
 SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
+_FEWEST, _IDLE = 3, 0.1  # values without which a bin holds no bit; the share of such bins that a code makes up for
 _STEEPEST = 50.0  # power; reached where a bin has a handful of values
 _NEWTON_STEPS, _NEWTON_TOLERANCE = 25, 1e-10
 _ROUNDS = 3  # of embedding about the centre that the last one left; on Bunny and Venus one would do
@@ -65,6 +66,17 @@ class Bins:
         np.minimum.at(low, self.of[used], values[used])
         np.maximum.at(high, self.of[used], values[used])
         return low, high
+
+
+def check_filled(values: Floats, bins: Bins) -> None:
+    """Whether nearly all bins of ``values`` (n,) can hold a bit. Errors: MeshError says how many cannot."""
+    low, high = bins.ranges(values)
+    idle = int(np.count_nonzero((bins.sums(np.ones(len(values))) < _FEWEST) | ~(high > low)))
+    if idle > _IDLE * bins.count:
+        raise MeshError(
+            f"{idle} of {bins.count} bins have fewer than {_FEWEST} values, or all alike, and hold no bit:"
+            " ask for fewer bits, or take a method without bins"
+        )
 
 
 class Statistic(abc.ABC):
@@ -184,19 +196,20 @@ class NormBinsMethod(PublishedMethod):
         """See `PublishedMethod.writer`. Embedding moves the centre, and who carries bits: it is done again there."""
         first = self.carriers(surface)
         held = Deal.of(self.name, len(message), key).written(message)
-        if not _spread(vertex_norms(surface.vertices)[first]):
+        norms = vertex_norms(surface.vertices)[first]
+        if not _spread(norms):
             raise MeshError(
-                "all vertices that carry bits lie at one distance from their mean: nothing tells bins apart"
+                "the vertices that carry bits lie at one distance from their mean: nothing tells bins apart"
             )
+        check_filled(norms, Bins.equal_width(norms, len(held)))
 
         def moved(alpha: float) -> Floats:
             vertices = surface.vertices.copy()
             for done in range(_ROUNDS):
                 used = self.carriers(surface.moved(vertices)) if done else first
-                centre, norms = vertices.mean(axis=0), vertex_norms(vertices)
-                bins = Bins.equal_width(norms[used], len(held))
-                new = modulated(norms[used], bins, self.statistic, held, alpha)
-                vertices[used] = centre + (vertices[used] - centre) * (new / np.maximum(norms[used], 1e-300))[:, None]
+                centre, old = vertices.mean(axis=0), vertex_norms(vertices)[used]
+                new = modulated(old, Bins.equal_width(old, len(held)), self.statistic, held, alpha)
+                vertices[used] = centre + (vertices[used] - centre) * (new / np.maximum(old, 1e-300))[:, None]
             return vertices
 
         return moved

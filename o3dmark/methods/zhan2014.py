@@ -24,7 +24,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.mesh import curvature
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods._norm_bins import Bins, Mean, modulated, soft_bits
+from o3dmark.methods._norm_bins import Bins, Mean, check_filled, modulated, soft_bits
 from o3dmark.methods._published import Deal, PublishedMethod
 from o3dmark.registry import option
 
@@ -118,7 +118,9 @@ class Zhan2014(PublishedMethod):
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`."""
         held = Deal.of(self.name, len(message), key).written(message)
-        J = Fluctuations(surface, self.window).response()
+        cover = Fluctuations(surface, self.window)
+        check_filled(cover.values, Bins.equal_count(cover.values, len(held)))
+        J = cover.response()
 
         def moved(alpha: float) -> Floats:
             height = np.zeros(len(surface.vertices))
