@@ -28,7 +28,7 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._distortion import OutOfReachError
-from o3dmark.methods._norm_bins import SPREAD, Bins, Mean, check_filled
+from o3dmark.methods._norm_bins import SPREAD, VERTICES_PER_BIT, Bins, Mean, check_filled
 from o3dmark.methods._published import Deal, PublishedMethod
 
 _MOST_ROUNDS, _MOST_HALVINGS = 12, 4  # of linearisation, and of a step that leaves more of a violation than there was
@@ -202,7 +202,6 @@ class BinProgrammeMethod(PublishedMethod):
 
     least: ClassVar[float] = 1e-3
     largest: ClassVar[float] = 0.45
-    vertices_per_bit: ClassVar[int] = 16
 
     @abc.abstractmethod
     def directions(self, surface: Surface) -> Floats:
@@ -214,7 +213,7 @@ class BinProgrammeMethod(PublishedMethod):
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 16 vertices."""
-        return len(Surface.of(mesh).vertices) // self.vertices_per_bit
+        return len(Surface.of(mesh).vertices) // VERTICES_PER_BIT
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`."""

@@ -19,6 +19,7 @@ from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._published import Deal, PublishedMethod
 
+VERTICES_PER_BIT = 16  # on average; bins of the outermost norms have fewer
 SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
 _FEWEST, _IDLE = 3, 0.1  # values without which a bin holds no bit; the share of such bins that a code makes up for
 _STEEPEST = 50.0  # power; reached where a bin has a handful of values
@@ -181,7 +182,6 @@ class NormBinsMethod(PublishedMethod):
     """A bit in a statistic of each bin of vertex norms, the distances to the mean of the vertices."""
 
     statistic: ClassVar[Statistic]
-    vertices_per_bit: ClassVar[int] = 16
     least: ClassVar[float] = 1e-3
 
     def carriers(self, surface: Surface) -> Bools:
@@ -189,8 +189,8 @@ class NormBinsMethod(PublishedMethod):
         return np.ones(len(surface.vertices), bool)
 
     def capacity(self, mesh: Any) -> int:
-        """A bit for every 16 vertices: about what is left of the bin of a bit far out."""
-        return int(np.count_nonzero(self.carriers(Surface.of(mesh)))) // self.vertices_per_bit
+        """A bit for every 16 vertices that carry bits."""
+        return int(np.count_nonzero(self.carriers(Surface.of(mesh)))) // VERTICES_PER_BIT
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`. Embedding moves the centre, and who carries bits: it is done again there."""

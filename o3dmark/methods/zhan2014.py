@@ -24,7 +24,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.mesh import curvature
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods._norm_bins import Bins, Mean, check_filled, modulated, soft_bits
+from o3dmark.methods._norm_bins import VERTICES_PER_BIT, Bins, Mean, check_filled, modulated, soft_bits
 from o3dmark.methods._published import Deal, PublishedMethod
 from o3dmark.registry import option
 
@@ -94,7 +94,6 @@ class Zhan2014(PublishedMethod):
 
     claims = ("identity", "reorder", "similarity")
     mean: ClassVar[Mean] = Mean()
-    vertices_per_bit: ClassVar[int] = 16
     least: ClassVar[float] = 1e-3
     largest: ClassVar[float] = 0.45
 
@@ -113,7 +112,7 @@ class Zhan2014(PublishedMethod):
 
     def capacity(self, mesh: Any) -> int:
         """A bit for every 16 vertices."""
-        return len(Surface.of(mesh).vertices) // self.vertices_per_bit
+        return len(Surface.of(mesh).vertices) // VERTICES_PER_BIT
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`."""
