@@ -9,7 +9,7 @@ from o3dmark.errors import SpecError
 from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
 from o3dmark.methods import METHODS
-from o3dmark.methods._norm_bins import vertex_norms
+from o3dmark.methods._norm_bins import Bins, vertex_norms
 from o3dmark.methods.nakazawa2010 import Nakazawa2010
 
 
@@ -24,10 +24,13 @@ def test_one_side_of_the_threshold_moves(carrier: TriangleMesh, key: Key, side: 
     assert wanted[moved].mean() > 0.85  # the mark itself takes a few across the threshold, which carry bits then
 
 
-def test_norms_are_about_the_mean_of_all_vertices(carrier: TriangleMesh) -> None:
-    method, surface = Nakazawa2010(), Surface.of(carrier)
-    expected = vertex_norms(surface.vertices)[method.carriers(surface)]
-    np.testing.assert_array_equal(method.observe(carrier), expected)
+def test_bins_are_those_of_all_norms(carrier: TriangleMesh) -> None:
+    """Which of the vertices carry bits does not move the centre, nor the edges of the bins."""
+    norms = vertex_norms(Surface.of(carrier).vertices)
+    seen = Nakazawa2010(share=0.3).observe(carrier)
+    np.testing.assert_array_equal(seen.values, norms)
+    np.testing.assert_array_equal(seen.bins(16).edges, Bins.equal_width(norms, 16).edges)
+    assert (seen.bins(16).of[~seen.used] == -1).all()
 
 
 def test_misuse_is_an_error() -> None:

@@ -51,6 +51,10 @@ class Bins:
         place = np.searchsorted(edges, values, side="right") - 1
         return cls(np.where(place < count, place, -1), edges)
 
+    def among(self, chosen: Bools) -> "Bins":
+        """The same bins, of the ``chosen`` values (n,) alone."""
+        return Bins(np.where(chosen, self.of, -1), self.edges)
+
     @property
     def count(self) -> int:
         return len(self.edges) - 1
@@ -177,6 +181,25 @@ def soft_bits(values: Floats, bins: Bins, statistic: Statistic) -> Floats:
     return np.asarray((terms - size * statistic.level) / (statistic.deviation * np.sqrt(np.maximum(size, 1.0))))
 
 
+@dataclass(frozen=True, eq=False)
+class Norms:
+    """Norms ``values`` (n,) of all vertices, about the mean of all, and which of them carry bits, ``used`` (n,).
+
+    All norms tell where bins are: of fewer, the extreme ones would come and go with single vertices.
+    """
+
+    values: Floats
+    used: Bools
+
+    @property
+    def spread(self) -> bool:
+        """Whether norms differ, so that there are bins."""
+        return bool(np.ptp(self.values) > SPREAD * self.values.max())
+
+    def bins(self, count: int) -> Bins:
+        return Bins.equal_width(self.values, count).among(self.used)
+
+
 @dataclass(frozen=True)
 class NormBinsMethod(PublishedMethod):
     """A bit in a statistic of each bin of vertex norms, the distances to the mean of the vertices."""
@@ -194,45 +217,39 @@ class NormBinsMethod(PublishedMethod):
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`. Embedding moves the centre, and who carries bits: it is done again there."""
-        first = self.carriers(surface)
+        cover = self.observe(surface)
+        if not cover.spread:
+            raise MeshError("all vertices lie at one distance from their mean: nothing tells bins apart")
+        check_filled(cover.values, cover.bins(len(message)))
         held = Deal.of(self.name, len(message), key).written(message)
-        norms = vertex_norms(surface.vertices)[first]
-        if not _spread(norms):
-            raise MeshError(
-                "the vertices that carry bits lie at one distance from their mean: nothing tells bins apart"
-            )
-        check_filled(norms, Bins.equal_width(norms, len(held)))
 
         def moved(alpha: float) -> Floats:
-            vertices = surface.vertices.copy()
+            seen, vertices = cover, surface.vertices
             for done in range(_ROUNDS):
-                used = self.carriers(surface.moved(vertices)) if done else first
-                centre, old = vertices.mean(axis=0), vertex_norms(vertices)[used]
-                new = modulated(old, Bins.equal_width(old, len(held)), self.statistic, held, alpha)
-                vertices[used] = centre + (vertices[used] - centre) * (new / np.maximum(old, 1e-300))[:, None]
+                seen = self.observe(surface.moved(vertices)) if done else cover
+                new = modulated(seen.values, seen.bins(len(message)), self.statistic, held, alpha)
+                ratio = (new / np.maximum(seen.values, 1e-300))[:, None]
+                centre = vertices.mean(axis=0)
+                vertices = np.where(ratio == 1.0, vertices, centre + (vertices - centre) * ratio)
             return vertices
 
         return moved
 
-    def observe(self, mesh: Any) -> Any:
-        """See `Method.observe`: the norms of the vertices that carry bits, about the mean of all."""
-        if isinstance(mesh, np.ndarray):
+    def observe(self, mesh: Any) -> Norms:
+        """See `Method.observe`."""
+        if isinstance(mesh, Norms):
             return mesh
         surface = Surface.of(mesh)
-        return vertex_norms(surface.vertices)[self.carriers(surface)]
+        return Norms(vertex_norms(surface.vertices), self.carriers(surface))
 
-    def read(self, seen: Any, n_bits: int, key: Key) -> Extraction:
+    def read(self, seen: Norms, n_bits: int, key: Key) -> Extraction:
         """See `PublishedMethod.read`."""
-        if not _spread(seen):
+        if not seen.spread:
             return Extraction(np.zeros(n_bits))
-        soft = soft_bits(seen, Bins.equal_width(seen, n_bits), self.statistic)
+        soft = soft_bits(seen.values, seen.bins(n_bits), self.statistic)
         return Extraction(Deal.of(self.name, n_bits, key).read(soft))
 
 
 def vertex_norms(vertices: Floats) -> Floats:
     """Distance (n,) of each of the vertices (n, 3) to their mean."""
     return np.asarray(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1))
-
-
-def _spread(norms: Floats) -> bool:
-    return len(norms) > 0 and bool(np.ptp(norms) > SPREAD * norms.max())

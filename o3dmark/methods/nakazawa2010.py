@@ -25,11 +25,11 @@ class Nakazawa2010(NormBinsMethod):
     triangles. Cannot survive cropping, uneven remeshing or simplification, nor strong noise: it exchanges much of the
     salient set.
 
-    Reconstructed: which side of the threshold is meant, the threshold (a share of the vertices), alpha, and what
-    cho2007-mean lists. The key is ours.
+    Reconstructed: which side of the threshold is meant, the threshold (a share of the vertices), alpha, that the bins
+    are those of all norms, and what cho2007-mean lists. The key is ours.
     """
 
-    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.001", "quantise:bits=10")
+    claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "quantise:bits=11")
     statistic: ClassVar[Statistic] = Mean()
     largest: ClassVar[float] = 0.45
 
