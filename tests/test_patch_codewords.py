@@ -8,7 +8,7 @@ from scipy import optimize, special, stats
 
 from o3dmark.coding.keys import Key
 from o3dmark.methods.local_patches import scoring
-from o3dmark.methods.local_patches.codewords import Share
+from o3dmark.methods.local_patches.codewords import Share, _tail
 from o3dmark.methods.local_patches.disk import disk_functions
 from o3dmark.methods.local_patches.format import FORMATS
 from o3dmark.methods.local_patches.scoring import best_angles
@@ -170,16 +170,31 @@ def test_the_p_value_is_never_below_chance(share: Share, chance: tuple[np.ndarra
     assert -3.0 <= share.log10_p(np.quantile(agreement, 1.0 - 1e-3)) < -2.0  # no more than a decade is given away
 
 
-def test_the_p_value_is_chernoffs_bound(share: Share) -> None:
-    """Next to the best slope there is, and above it: any slope makes a bound."""
-    for agreement in (5.0, 12.0, 20.0, 30.0):
+def test_the_p_value_is_that_of_draws_and_below_chernoffs_bound(
+    share: Share, chance: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """As far as draws go; further out by a decade or so, as tails are."""
+    agreement, _ = chance
+    for rate in (0.3, 0.1, 1e-2, 1e-3):
+        expected = share.log10_p(np.quantile(agreement, 1.0 - rate))
+        assert abs(expected - np.log10(rate)) < 4.0 / np.sqrt(rate * len(agreement)) / math.log(10)
+    for level in (5.0, 12.0, 20.0, 30.0):
 
-        def bound(slope: float, agreement: float = agreement) -> float:
+        def bound(slope: float, level: float = level) -> float:
             growth = share.pilots * np.log(special.i0(slope)) + FORM.carriers * np.log(special.i0(slope / 2.0))
-            return float(growth - slope * agreement) / math.log(10)
+            return float(growth - slope * level) / math.log(10)
 
         best = optimize.minimize_scalar(bound, bounds=(1e-3, 50.0), method="bounded").fun
-        assert best - 1e-6 <= share.log10_p(np.array(agreement)) < best + 0.05
+        assert -1.5 < share.log10_p(np.array(level)) - best < -0.5
+
+
+def test_the_p_value_of_a_few_coefficients_is_that_of_the_integral_over_them() -> None:
+    """Two cosines: the share of the square of phases where their sum is as high, counted on a lattice."""
+    levels, log10_p = _tail(2, 0)
+    cosine = np.cos(2.0 * np.pi * (np.arange(4000) + 0.5) / 4000)
+    for level in (0.5, 1.0, 1.5, 1.9):
+        share = np.mean([np.count_nonzero(cosine + each >= level) for each in cosine]) / len(cosine)
+        assert np.interp(level, levels, log10_p) == pytest.approx(np.log10(share), abs=0.02)
 
 
 def test_the_p_value_falls_as_the_agreement_rises_and_is_1_where_there_is_none(share: Share) -> None:

@@ -7,12 +7,12 @@ dither, so that the agreement
 
     T = sum over pilots of cos(2 pi phase) + 1/2 sum over carriers of cos(4 pi phase)
 
-has Chernoff's bound, P(T >= x) <= min over l of I0(l)^pilots I0(l / 2)^carriers exp(-l x), for every surface; and given
-T, each bit is a fair coin still.
+has one distribution, whatever the surface, with the moment-generating function I0(l)^pilots I0(l / 2)^carriers; and
+given T, each bit is a fair coin still.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import special
@@ -23,7 +23,9 @@ from o3dmark.coding.scs import ScalarCosta
 from o3dmark.methods.local_patches.disk import DiskFunctions, disk_functions
 from o3dmark.methods.local_patches.format import PatchFormat
 
-_SLOPES = np.linspace(0.02, 12.0, 300)  # l in the bound: any is valid
+_SLOPES = np.geomspace(0.03, 400.0, 800)  # l, among which a saddle point is chosen
+_ALONG = np.linspace(0.0, 12.0, 151)  # of the integral along the line through it, in standard deviations
+_TAIL = 400  # values of T for which it is worked out
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +116,28 @@ class Share:
 
     def log10_p(self, agreement: Floats) -> Floats:
         """log10 of the probability (...) that a wrong key agrees so well."""
-        log_p = self._growth - _SLOPES * np.asarray(agreement)[..., None]
-        return np.asarray(np.minimum(log_p.min(axis=-1), 0.0) / np.log(10.0))
+        levels, log10_p = _tail(self.pilots, len(self.bit))
+        return np.where(np.asarray(agreement) > 0.0, np.interp(agreement, levels, log10_p), 0.0)
 
-    @cached_property
-    def _growth(self) -> Floats:
-        return np.asarray(self.pilots * _log_i0(_SLOPES) + len(self.bit) * _log_i0(0.5 * _SLOPES))
+
+@cache
+def _tail(pilots: int, carriers: int) -> tuple[Floats, Floats]:
+    """Values of T from 0 to the highest, and log10 P(T >= x), by the inverse Laplace transform.
+
+    The integral of exp(K(l) - l x) / l over the line in the complex plane that stands on the saddle point, K being the
+    logarithm of the moment-generating function (Daniels 1954).
+    """
+    levels = np.linspace(0.0, pilots + 0.5 * carriers, _TAIL + 1)[:-1]
+    growth = _cumulant(_SLOPES, pilots, carriers).real
+    log10_p = []
+    for level in levels:
+        saddle = _SLOPES[np.argmin(growth - _SLOPES * level)]
+        width = 1.0 / np.sqrt(_spread(saddle, pilots, carriers))
+        line = saddle + 1j * width * _ALONG
+        bound = float((_cumulant(np.array([saddle]), pilots, carriers).real - saddle * level)[0])
+        there = np.exp(_cumulant(line, pilots, carriers) - line * level - bound) / line
+        log10_p.append((bound + np.log(np.trapezoid(there.real, dx=width * _ALONG[1]) / np.pi)) / np.log(10.0))
+    return levels, np.minimum(np.array(log10_p), 0.0)
 
 
 def _real_parts(functions: DiskFunctions) -> tuple[Ints, Floats]:
@@ -129,5 +147,18 @@ def _real_parts(functions: DiskFunctions) -> tuple[Ints, Floats]:
     return np.array(function, np.int64), np.array(imaginary)
 
 
-def _log_i0(x: Floats) -> Floats:
-    return np.asarray(np.log(special.i0e(x)) + x)
+def _cumulant(slopes: Floats | Complexes, pilots: int, carriers: int) -> Complexes:
+    """The logarithm of the moment-generating function of T at ``slopes`` (...)."""
+    return np.asarray(pilots * _log_i0(slopes) + carriers * _log_i0(0.5 * slopes), np.complex128)
+
+
+def _spread(slope: float, pilots: int, carriers: int) -> float:
+    """Its second derivative at a real slope: the variance of T in the distribution tilted to it."""
+    step = 1e-3 * slope
+    low, middle, high = _cumulant(np.array([slope - step, slope, slope + step]), pilots, carriers).real
+    return float((low - 2.0 * middle + high) / step**2)
+
+
+def _log_i0(z: Floats | Complexes) -> Complexes:
+    z = np.asarray(z, np.complex128)
+    return np.asarray(np.log(special.ive(0, z)) + z.real)
