@@ -15,3 +15,9 @@ Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; its
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Makes the randomness repeatable.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout instead of a table.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="OUT may be replaced; what was given never is.")]
+AnyScale = Annotated[
+    bool, typer.Option("--any-scale", help="Look for fragments whose unit of length was changed; a minute or two.")
+]
+Mirrored = Annotated[
+    bool, typer.Option("--mirrored", help="Look for fragments that were mirrored or turned inside out.")
+]

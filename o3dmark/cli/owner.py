@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import In, Json, Out, Overwrite
+from o3dmark.cli._arguments import AnyScale, In, Json, Mirrored, Out, Overwrite
 from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.errors import ConversionError, MeshError, SpecError
 
@@ -116,21 +116,25 @@ def extract(
     raw: Annotated[bool, typer.Option("--raw", help="Only the raw bits, past the code.")] = False,
     fpr: Annotated[float, typer.Option(help="How often a wrong key may yield a message.")] = 1e-4,
     reference: Reference = None,
+    any_scale: AnyScale = False,
+    mirrored: Mirrored = False,
     json: Json = False,
 ) -> None:
     """Read the message of a mesh, a scene or a point cloud. Exit code 1 when there is none."""
     from o3dmark import marking, watermark
     from o3dmark.coding.keys import Key
     from o3dmark.files import open_shape, read_mesh, read_shape
+    from o3dmark.methods import Depth
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
-    cover = None if reference is None else read_mesh(reference)
+    cover, depth = None if reference is None else read_mesh(reference), Depth(mirrored=mirrored, any_scale=any_scale)
     if raw:
+        mark = replace(mark, method=mark.method.searching(depth))
         bits = watermark.raw_dict(mark.extract_bits(read_shape(source), secret, reference=cover))
         print_result(_about(mark, _profile(method, profile)) | bits | {"seconds": since(started)}, json)
         return
     asked = None if (method, profile, n_bits) == (None, None, None) else mark
-    found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr)
+    found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr, depth=depth)
     about = _about_found(found.profile, mark, method, profile)
     print_result(found.reading.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if not found.reading.found:
@@ -146,6 +150,8 @@ def detect(
     profile: Profile = None,
     n_bits: NBits = None,
     reference: Reference = None,
+    any_scale: AnyScale = False,
+    mirrored: Mirrored = False,
     json: Json = False,
 ) -> None:
     """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper.
@@ -156,11 +162,20 @@ def detect(
     from o3dmark import marking
     from o3dmark.coding.keys import Key
     from o3dmark.files import open_shape, read_mesh
+    from o3dmark.methods import Depth
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
     asked = None if (method, profile, n_bits) == (None, None, None) else mark
-    found = marking.detect(open_shape(source), asked, secret, message, reference=cover, false_positive_rate=fpr)
+    found = marking.detect(
+        open_shape(source),
+        asked,
+        secret,
+        message,
+        reference=cover,
+        false_positive_rate=fpr,
+        depth=Depth(mirrored=mirrored, any_scale=any_scale),
+    )
     about = _about_found(found.profile, mark, method, profile)
     print_result(found.detection.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if found.detection.other is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import Json, Overwrite
+from o3dmark.cli._arguments import AnyScale, Json, Mirrored, Overwrite
 from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.cli.owner import NBits, Profile
 from o3dmark.errors import MeshError, O3dmarkError
@@ -76,6 +76,8 @@ def trace(
         Path | None, typer.Option("--reference", metavar="ASSET", help="The unmarked file, for fragments.")
     ] = None,
     fpr: Annotated[float, typer.Option(help="How often somebody innocent may be named.")] = 1e-6,
+    any_scale: AnyScale = False,
+    mirrored: Mirrored = False,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="A page of evidence, for others to read.")
     ] = None,
@@ -91,6 +93,7 @@ def trace(
     from o3dmark.copies import Ledger, Tracer, suspects
     from o3dmark.evidence import Evidence
     from o3dmark.files import check_free, open_asset
+    from o3dmark.methods import Depth
 
     if report is not None:
         check_free(report, *suspect, *ledger, *key, overwrite=overwrite)
@@ -109,6 +112,7 @@ def trace(
             keys,
             reference=cover,
             false_positive_rate=fpr,
+            depth=Depth(mirrored=mirrored, any_scale=any_scale),
             progress=lambda done, of: shown.update(task, completed=done, total=of, visible=True),
         )
         _check_reference(tracer)

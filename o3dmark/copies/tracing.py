@@ -21,7 +21,7 @@ from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
 from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
-from o3dmark.methods import Extraction, Method, Progress, silent
+from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method, Progress, silent
 from o3dmark.profiles import DEFAULT_PROFILE
 from o3dmark.watermark import Watermark
 
@@ -109,12 +109,14 @@ class Tracer:
     """Copies and keys, ready for any number of suspects.
 
     ``reference``, the unmarked asset, lets fragments be read; it serves the copies that were made of it. ``progress``
-    is told how many copies have been made again, to look for a mixture.
+    is told how many copies have been made again, to look for a mixture. ``depth``: what else is looked for, where the
+    copies' method can.
     """
 
     batches: tuple[Batch, ...]
     reference: Asset | None = None
     false_positive_rate: float = 1e-6
+    depth: Depth = NO_DEEPER
     progress: Progress = silent
     candidates: int = field(init=False)
 
@@ -208,7 +210,8 @@ class Tracer:
         for view in looked_at:
             seen: dict[Method, Any] = {}
             for batch in self.batches:
-                method = batch.watermark.method.quick if quick else batch.watermark.method
+                method = batch.watermark.method.searching(self.depth)
+                method = method.quick if quick else method
                 yield batch, view.part, _extracted(method, view.shape, batch, seen), False
 
     @property

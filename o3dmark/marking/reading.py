@@ -5,14 +5,14 @@ profile it was, all are tried, the default first: half of the evidence asked for
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from o3dmark.coding.detection import Detection
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.marking.views import View, views
-from o3dmark.methods import Extraction, Method
+from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method
 from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Reading, Watermark
 
@@ -45,15 +45,22 @@ class _Seen(NamedTuple):
 
 
 def extract(
-    received: Any, watermark: Watermark | None, key: Key, *, reference: Any = None, false_positive_rate: float = 1e-4
+    received: Any,
+    watermark: Watermark | None,
+    key: Key,
+    *,
+    reference: Any = None,
+    false_positive_rate: float = 1e-4,
+    depth: Depth = NO_DEEPER,
 ) -> PartReading:
     """Read the message of an `Asset`, mesh or point cloud; the most certain reading of its parts.
 
-    ``watermark`` None: all profiles are tried. A wrong key yields a message no more often than ``false_positive_rate``,
-    whatever the number of parts and profiles. Errors: MeshError when nothing can be read at all.
+    ``watermark`` None: all profiles are tried. ``depth``: what else is looked for, where a method can. A wrong key
+    yields a message no more often than ``false_positive_rate``, whatever the number of parts and profiles. Errors:
+    MeshError when nothing can be read at all.
     """
     best: PartReading | None = None
-    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference):
+    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference, depth):
         reading = mark.decode(extraction, key, false_positive_rate=false_positive_rate)
         if best is None or reading.decoded.log10_p < best.reading.decoded.log10_p:
             best = PartReading(part, reading, profile)
@@ -71,15 +78,17 @@ def detect(
     *,
     reference: Any = None,
     false_positive_rate: float = 1e-6,
+    depth: Depth = NO_DEEPER,
 ) -> PartDetection:
     """Is the mark in an `Asset`, mesh or point cloud? As `Watermark.detect`, in the part that shows it best.
 
-    ``watermark`` None: all profiles are tried that can hold the message. Where no part shows it, the answer is that of
-    one that shows another message, if any. Errors: as `extract`; SpecError when no profile holds the message.
+    ``watermark`` None: all profiles are tried that can hold the message. ``depth``: as in `extract`. Where no part
+    shows it, the answer is that of one that shows another message, if any. Errors: as `extract`; SpecError when no
+    profile holds the message.
     """
     best: PartDetection | None = None
     wrong: SpecError | None = None
-    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference):
+    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference, depth):
         try:
             found = mark.test(extraction, key, message, false_positive_rate=false_positive_rate)
         except SpecError as error:
@@ -102,11 +111,11 @@ def _telling(detection: Detection) -> tuple[bool, bool, float]:
     return not detection.present, detection.other is None, detection.log10_p
 
 
-def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: Any) -> Iterator[_Seen]:
+def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: Any, depth: Depth) -> Iterator[_Seen]:
     """What can be read, the likeliest first. Errors: MeshError when nothing can."""
     marks = {None: watermark} if watermark is not None else _profiles(reference)
     known: dict[bool, list[View]] = {}
-    looks = [_Look(name, mark) for name, mark in marks.items()]
+    looks = [_Look(name, replace(mark, method=mark.method.searching(depth))) for name, mark in marks.items()]
     observed: dict[tuple[int, Method], Any] = {}
     error: MeshError | None = None
     read = False

@@ -7,7 +7,7 @@ Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many r
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -132,6 +132,20 @@ class Extraction:
         return replace(best, log10_p=charge(best.log10_p, 2))
 
 
+class Depth(NamedTuple):
+    """What a reader is to look for beyond what it does by itself, where its method can.
+
+    mirrored     fragments that were mirrored, or turned inside out
+    any_scale    fragments whose unit of length was changed
+    """
+
+    mirrored: bool = False
+    any_scale: bool = False
+
+
+NO_DEEPER = Depth()
+
+
 @dataclass(frozen=True)
 class Method(abc.ABC):
     """A way to hide bits in a mesh. Options are the fields; a mesh, a key and bits are the data."""
@@ -144,6 +158,10 @@ class Method(abc.ABC):
     @property
     def quick(self) -> "Method":
         """The method that only looks at first sight; itself, where there is no difference."""
+        return self
+
+    def searching(self, depth: Depth) -> "Method":  # noqa: ARG002
+        """The method that looks for these as well; itself, where it does not know the difference."""
         return self
 
     @property
@@ -216,4 +234,4 @@ class Method(abc.ABC):
         """The number of bits that ``mesh`` can carry at most."""
 
 
-__all__ = ["METHODS", "Extraction", "Method", "Progress", "silent"]
+__all__ = ["METHODS", "NO_DEEPER", "Depth", "Extraction", "Method", "Progress", "silent"]

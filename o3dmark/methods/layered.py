@@ -18,7 +18,7 @@ from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, mesh_arrays, with_vertices
 from o3dmark.mesh.welding import mended
-from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods import METHODS, Depth, Extraction, Method
 from o3dmark.methods.local_patches.method import LocalPatches, Look
 from o3dmark.methods.shape_spectrum.method import Prepared, ShapeSpectrum
 from o3dmark.methods.shape_spectrum.search import Hypotheses
@@ -59,6 +59,8 @@ class Layered(Method):
     total: float = option(6e-4, "most distortion by both layers, over the same: patches take what is left, in squares")
     jnd: float = option(1.0, "most that may be seen of either layer, in just noticeable differences")
     search: bool = option(True, "let the reader search, and ask the patches")
+    mirrored: bool = option(False, "let it look for mirrored patches, too, and for those turned inside out")
+    any_scale: bool = option(False, "let it look for patches of every scale, for fragments whose unit was changed")
 
     def __post_init__(self) -> None:
         if not (0 < self.mrms < self.total and self.jnd > 0):
@@ -69,7 +71,11 @@ class Layered(Method):
     @property
     def quick(self) -> "Layered":
         """See `Method.quick`: the solid at first sight."""
-        return replace(self, search=False) if self.search else self
+        return replace(self, search=False, mirrored=False, any_scale=False) if self.search else self
+
+    def searching(self, depth: Depth) -> "Layered":
+        """See `Method.searching`: of the patches, since the solid is read so without being asked."""
+        return replace(self, **depth._asdict())
 
     @property
     def sight(self) -> Method:
@@ -96,7 +102,7 @@ class Layered(Method):
         return ShapeSpectrum(mrms=self.mrms, jnd=self.jnd, search=self.search)
 
     def _patches(self, mrms: float) -> LocalPatches:
-        return LocalPatches(mrms=mrms, jnd=self.jnd)
+        return LocalPatches(mrms=mrms, jnd=self.jnd, mirrored=self.mirrored, any_scale=self.any_scale)
 
     def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:
         """See `Method.prepare`: for the solid's layer; patches hang on what it does."""

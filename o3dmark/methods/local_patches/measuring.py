@@ -66,20 +66,42 @@ class Grid(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Centres (p, 3) and axes (p, 3) of patches of one ``radius``."""
+    """Centres (p, 3) and axes (p, 3) of patches of one ``radius``.
+
+    ``strain`` (p, 3), where they are looked at as if the surface had been deformed, is what to undo: larger all round,
+    longer along the first direction across the axis and shorter along the second, and the same at 45 degrees.
+    """
 
     form: PatchFormat
     centre: Floats
     axis: Floats
     radius: float
+    strain: Floats | None = None
 
     def among(self, chosen: Bools | Ints) -> "Patches":
         """Some of them, by their numbers or a mask."""
-        return self._replace(centre=self.centre[chosen], axis=self.axis[chosen])
+        strain = None if self.strain is None else self.strain[chosen]
+        return self._replace(centre=self.centre[chosen], axis=self.axis[chosen], strain=strain)
 
     def frames(self) -> Floats:
         """The rows (p, 3, 3) of each are its two directions across the axis, and the axis."""
         return _frames(self.axis)
+
+    def charts(self) -> Floats:
+        """From an offset to coordinates in the cylinder, r being 1 at its side: (p, 3, 3)."""
+        rows = self.frames() / self.radius
+        if self.strain is None:
+            return rows
+        growth, along, slanting = self.strain.T[:, :, None]
+        u, v, up = rows.transpose(1, 0, 2)
+        u, v = (1.0 + growth + along) * u + slanting * v, slanting * u + (1.0 + growth - along) * v
+        return np.ascontiguousarray(np.stack([u, v, (1.0 + growth) * up], axis=1))
+
+    @property
+    def reach(self) -> float:
+        """How far from its centre what a cylinder holds may lie."""
+        most = 0.0 if self.strain is None else float(np.abs(self.strain).sum(axis=1).max(initial=0.0))
+        return self.radius * float(np.hypot(1.0, self.form.half_height)) / max(1.0 - most, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +160,7 @@ class Sampled:
         """Whether patches (p,) are clear of any boundary, so that they measure what was written."""
         if self.boundary is None:
             return np.ones(len(patches.centre), bool)
-        cylinders = patches.centre, patches.frames(), patches.radius, *_RIM, self.form.half_height
+        cylinders = patches.centre, patches.charts(), patches.reach, _RIM[0], _RIM[1] * self.form.half_height
         found = np.zeros(len(patches.centre), bool)
         in_parts(len(found), lambda *part: _holds(*part, self.boundary, *cylinders, found))
         return ~found
@@ -196,7 +218,7 @@ def _averaged(grid: Grid, centres: Floats, normals: Floats, reach: float) -> Flo
 
 def _measured(kernel: Callable[..., None], grid: Grid, patches: Patches, order: Ints, radial: Floats) -> Complexes:
     form, shape = patches.form, (len(patches.centre), len(order))
-    cylinders = patches.centre, patches.frames(), patches.radius, form.half_height, form.lid
+    cylinders = patches.centre, patches.charts(), patches.reach, form.half_height, form.lid
     real, imaginary = np.zeros(shape), np.zeros(shape)
     in_parts(len(real), lambda *part: kernel(*part, grid, *cylinders, order, radial, real, imaginary))
     return np.asarray(real + 1j * imaginary)
@@ -204,9 +226,8 @@ def _measured(kernel: Callable[..., None], grid: Grid, patches: Patches, order: 
 
 def held(points: Floats, patches: Patches) -> Ints:
     """Which points (q, 3) lie in the cylinder of the one patch (k,)."""
-    reach = patches.radius * np.hypot(1.0, patches.form.half_height)
-    near = np.flatnonzero((np.abs(points - patches.centre[0]) < reach).all(axis=1))
-    offset = (points[near] - patches.centre[0]) @ patches.frames()[0].T / patches.radius
+    near = np.flatnonzero((np.abs(points - patches.centre[0]) < patches.reach).all(axis=1))
+    offset = (points[near] - patches.centre[0]) @ patches.charts()[0].T
     return near[(np.hypot(offset[:, 0], offset[:, 1]) < 1.0) & (np.abs(offset[:, 2]) < patches.form.half_height)]
 
 
@@ -215,7 +236,7 @@ def answers(points: Floats, patches: Patches, functions: DiskFunctions) -> Compl
 
     To a motion dx of a sample with area vector a they answer by that times a . dx.
     """
-    offset = (points - patches.centre[0]) @ patches.frames()[0].T / patches.radius
+    offset = (points - patches.centre[0]) @ patches.charts()[0].T
     r, height = np.hypot(offset[:, 0], offset[:, 1]), np.abs(offset[:, 2]) / patches.form.half_height
     taper, slope = smooth_end(height, patches.form.lid)
     speed = (taper + height * slope) / patches.radius**3
@@ -265,19 +286,20 @@ def _runs(grid, centre, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _seen_from(point, centre, frame):  # type: ignore[no-untyped-def]
+def _seen_from(point, centre, chart):  # type: ignore[no-untyped-def]
     """A point's place across the axis in two ways, and along it."""
     d0, d1, d2 = point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]
-    u = d0 * frame[0, 0] + d1 * frame[0, 1] + d2 * frame[0, 2]
-    v = d0 * frame[1, 0] + d1 * frame[1, 1] + d2 * frame[1, 2]
-    return u, v, d0 * frame[2, 0] + d1 * frame[2, 1] + d2 * frame[2, 2]
+    u = d0 * chart[0, 0] + d1 * chart[0, 1] + d2 * chart[0, 2]
+    v = d0 * chart[1, 0] + d1 * chart[1, 1] + d2 * chart[1, 2]
+    return u, v, d0 * chart[2, 0] + d1 * chart[2, 1] + d2 * chart[2, 2]
 
 
 @njit(inline="always")
-def _flux(up, vector, axis, height, lid):  # type: ignore[no-untyped-def]
-    """z t(|z|) n . dA"""
+def _flux(up, vector, row, height, lid):  # type: ignore[no-untyped-def]
+    """z t(|z|) n . dA, over the cube of the radius; ``row`` is the axis over the radius."""
     s = max((abs(up) / height - lid) / (1.0 - lid), 0.0)
-    flux = vector[0] * axis[0] + vector[1] * axis[1] + vector[2] * axis[2]
+    flux = vector[0] * row[0] + vector[1] * row[1] + vector[2] * row[2]
+    flux *= np.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
     return flux * up * (1.0 - s * s * (3.0 - 2.0 * s))
 
 
@@ -307,30 +329,29 @@ def _mean_normals(start, stop, grid, centres, normals, reach, means):  # type: i
 
 @njit(nogil=True, cache=True, fastmath=True)
 def _coefficients(  # type: ignore[no-untyped-def]
-    start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary
+    start, stop, grid, centres, charts, reach, height, lid, order, radial, real, imaginary
 ):
     n_functions, steps = radial.shape[1], radial.shape[0] - 1
     highest = order[-1]
     first = np.searchsorted(order, np.arange(highest + 2))
-    height, reach = half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
     cosine, sine = np.empty(n_functions), np.empty(n_functions)
     for i in range(start, stop):
         re, im = real[i], imaginary[i]
         runs = _runs(grid, centres[i], reach)
         for run in range(len(runs)):
             for j in range(runs[run, 0], runs[run, 1]):
-                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
+                u, v, up = _seen_from(grid.points[j], centres[i], charts[i])
                 r = np.sqrt(u * u + v * v)
-                if abs(up) >= height or r >= radius:
+                if abs(up) >= height or r >= 1.0:
                     continue
-                weight = _flux(up, grid.vectors[j], frames[i, 2], height, lid) / radius**3
+                weight = _flux(up, grid.vectors[j], charts[i, 2], height, lid)
                 c1, s1 = (u / r, -v / r) if r > 0.0 else (1.0, 0.0)
                 cm, sm = 1.0, 0.0
                 for m in range(highest + 1):
                     for q in range(first[m], first[m + 1]):
                         cosine[q], sine[q] = cm, sm
                     cm, sm = cm * c1 - sm * s1, sm * c1 + cm * s1
-                position = r / radius * steps
+                position = r * steps
                 k = min(int(position), steps - 1)
                 part = position - k
                 for q in range(n_functions):
@@ -341,11 +362,10 @@ def _coefficients(  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True, fastmath=True)
 def _first_look(  # type: ignore[no-untyped-def]
-    start, stop, grid, centres, frames, radius, half_height, lid, order, radial, real, imaginary
+    start, stop, grid, centres, charts, reach, height, lid, order, radial, real, imaginary
 ):
     n_functions, rings = radial.shape[1], radial.shape[0]
     blocks = order[-1] // _LANES + 1
-    height, reach = half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
     of_rings = np.empty((2, rings, blocks * _LANES), np.float32)
     cosine, sine = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
     for i in range(start, stop):
@@ -353,12 +373,12 @@ def _first_look(  # type: ignore[no-untyped-def]
         runs = _runs(grid, centres[i], reach)
         for run in range(len(runs)):
             for j in range(runs[run, 0], runs[run, 1]):
-                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
+                u, v, up = _seen_from(grid.points[j], centres[i], charts[i])
                 r = np.sqrt(u * u + v * v)
-                if abs(up) >= height or r >= radius:
+                if abs(up) >= height or r >= 1.0:
                     continue
-                weight = _flux(up, grid.vectors[j], frames[i, 2], height, lid) / radius**3
-                ring = int(r / radius * rings)
+                weight = _flux(up, grid.vectors[j], charts[i, 2], height, lid)
+                ring = int(r * rings)
                 c1, s1 = np.float32(1.0), np.float32(0.0)
                 if r > 0.0:
                     c1, s1 = np.float32(u / r), np.float32(-v / r)
@@ -383,12 +403,11 @@ def _first_look(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _holds(start, stop, grid, centres, frames, radius, rim, lid, half_height, found):  # type: ignore[no-untyped-def]
-    height, reach = lid * half_height * radius, radius * np.sqrt(1.0 + half_height * half_height)
+def _holds(start, stop, grid, centres, charts, reach, rim, height, found):  # type: ignore[no-untyped-def]
     for i in range(start, stop):
         runs = _runs(grid, centres[i], reach)
         for run in range(len(runs)):
             for j in range(runs[run, 0], runs[run, 1]):
-                u, v, up = _seen_from(grid.points[j], centres[i], frames[i])
-                if abs(up) < height and u * u + v * v < rim * rim * radius * radius:
+                u, v, up = _seen_from(grid.points[j], centres[i], charts[i])
+                if abs(up) < height and u * u + v * v < rim * rim:
                     found[i] = True

@@ -12,8 +12,9 @@ pasted or joined to other things; a fragment at another scale is not found.
 The writer sets patches where they are found again and not seen, each as strong as its surroundings hide (`places`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -25,13 +26,23 @@ from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
-from o3dmark.methods import METHODS, Extraction, Method
+from o3dmark.methods import METHODS, Depth, Extraction, Method
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
 from o3dmark.methods.local_patches.measuring import Sampled
 from o3dmark.methods.local_patches.places import Limits, Marked, written
-from o3dmark.methods.local_patches.search import Hit, Seen, believed, mean_edge, radii
+from o3dmark.methods.local_patches.search import (
+    OUTSIDE,
+    REVERSED,
+    Hit,
+    Seen,
+    Side,
+    believed,
+    mean_edge,
+    radii,
+    radii_of_any_scale,
+)
 from o3dmark.registry import option
 
 _MAX_BITS = 128
@@ -41,13 +52,22 @@ _NOISY, _CLEAN = 0.1, 0.97  # agreement over the highest, below and above which 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What a surface shows at each radius where it may have patches."""
+    """What a surface shows at each radius where it may have patches, in its own unit of length."""
 
+    form: PatchFormat
+    surface: Surface
     seen: tuple[Seen, ...]
 
     @classmethod
     def at(cls, form: PatchFormat, surface: Surface) -> "Look":
-        return cls(tuple(Seen(Sampled(form, surface, radius)) for radius in radii(form, surface)))
+        """Of a surface as it is."""
+        seen = tuple(Seen(Sampled(form, surface, radius)) for radius in radii(form, surface))
+        return cls(form, surface, seen)
+
+    @cached_property
+    def any_scale(self) -> tuple[Seen, ...]:
+        """The same in any unit."""
+        return tuple(Seen(Sampled(self.form, self.surface, radius)) for radius in radii_of_any_scale(self.surface))
 
 
 @METHODS.register("local-patches")
@@ -62,6 +82,8 @@ class LocalPatches(Method):
     radius: float = option(0.068, "of patches, over the root of the surface's area; the nearest of the ladder is taken")
     format: Literal["2026"] = option("2026", "what else writer and reader agree on")
     search: bool = option(True, "let the reader look at every radius, and not at that of a whole surface alone")
+    mirrored: bool = option(False, "let it also look at surfaces as if mirrored, or turned inside out")
+    any_scale: bool = option(False, "let it try every scale, for fragments whose unit was changed")
 
     def __post_init__(self) -> None:
         if not (self.mrms > 0 and self.jnd > 0 and 0.01 <= self.radius <= 0.5):
@@ -70,7 +92,11 @@ class LocalPatches(Method):
     @property
     def quick(self) -> "LocalPatches":
         """See `Method.quick`: a surface that may be whole."""
-        return replace(self, search=False) if self.search else self
+        return replace(self, search=False, mirrored=False, any_scale=False) if self.search else self
+
+    def searching(self, depth: Depth) -> "LocalPatches":
+        """See `Method.searching`."""
+        return replace(self, **depth._asdict())
 
     @property
     def sight(self) -> "LocalPatches":
@@ -111,15 +137,29 @@ class LocalPatches(Method):
         if reference is not None:
             raise MeshError("local-patches reads without a reference")
         look, shares = self.observe(mesh), Share.all_of(key, FORMATS[self.format], n_bits)
-        tried = look.seen if self.search else self._likely(look)
         candidates: list[Hit] = []
-        for seen in tried:
-            here = seen.candidates(shares, times=len(tried))
+        for seen, sides, times in self._looks(look):
+            here = seen.candidates(shares, times, sides)
             candidates += here
             if hits := believed(here):
                 return _told(hits, candidates, n_bits)
         candidates.sort(key=lambda hit: hit.log10_p)
         return _told(candidates[:1], candidates, n_bits)
+
+    def _looks(self, look: Look) -> Iterator[tuple[Seen, Sequence[Side], int]]:
+        """Where to look, how, and among how many; every stage that is asked for has as much of the evidence."""
+        if not self.search:
+            seen = self._likely(look)
+            yield from ((each, (OUTSIDE,), len(seen)) for each in seen)
+            return
+        stages: list[tuple[Callable[[], tuple[Seen, ...]], Sequence[Side]]] = [(lambda: look.seen, (OUTSIDE,))]
+        if self.mirrored:
+            stages += [(lambda: look.seen, REVERSED)]
+        if self.any_scale:
+            stages += [(lambda: look.any_scale, (OUTSIDE, *REVERSED) if self.mirrored else (OUTSIDE,))]
+        for seen_of, sides in stages:
+            seen = seen_of()
+            yield from ((each, sides, len(seen) * len(stages)) for each in seen)
 
     def _likely(self, look: Look) -> tuple[Seen, ...]:
         """What is seen at the radius that patches have if the surface is whole."""
