@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from fixtures.paths import GOLDEN
+from o3dmark import marking
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
-from o3dmark.methods import METHODS, Extraction
+from o3dmark.methods import METHODS, NO_DEEPER, Depth, Extraction
 from o3dmark.methods.layered import Layered, Seen
 from o3dmark.methods.local_patches import LocalPatches, places
 from o3dmark.methods.local_patches.places import Marked, Place
@@ -234,6 +235,27 @@ def test_no_test_is_rejected_more_often_than_its_rate() -> None:
     for rate in (0.5, 0.1, 0.01):
         assert np.mean(np.array(found) <= math.log10(rate)) < rate + 4.0 * math.sqrt(rate / 1000)
     assert np.mean(np.array(found) < 0.0) > 0.1  # and not for want of power
+
+
+# Deeper searches
+
+
+@pytest.mark.parametrize("depth", [NO_DEEPER, Depth(any_scale=True), Depth(mirrored=True)])
+def test_what_else_is_looked_for_reaches_the_patches(
+    spot: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch, depth: Depth
+) -> None:
+    """And neither the first sight nor the solid, which needs no telling."""
+    told: list[Depth] = []
+
+    def extract(method: LocalPatches, *_: Any, **__: Any) -> Extraction:
+        told.append(Depth(method.mirrored, method.any_scale))
+        return Extraction(np.zeros(64), log10_p=0.0)
+
+    monkeypatch.setattr(LocalPatches, "extract", extract)
+    marking.extract(spot, PROFILES["layered-2026"], key, depth=depth)
+    assert told == [depth]
+    assert Layered(any_scale=True, mirrored=True).quick == Layered(search=False)
+    assert ShapeSpectrum().searching(Depth(any_scale=True)) == ShapeSpectrum()
 
 
 # How well eyes see, by which places are chosen
