@@ -98,7 +98,7 @@ def test_patches_that_disturb_the_solid_are_refused(
     done = Marked(np.array(vertices), [Place(0, 0, 0.004, 33.0, 0.5)])
     monkeypatch.setattr(ShapeSpectrum, "embed", lambda _, mesh, *__: mesh)
     monkeypatch.setattr(LocalPatches, "marked", lambda *_: done)
-    with pytest.raises(MeshError, match="use shape-spectrum alone, or fewer patches"):
+    with pytest.raises(MeshError, match="use shape-spectrum alone, or a lower total"):
         METHOD.embed(coarse, BITS, key)
 
 

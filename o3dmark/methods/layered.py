@@ -126,7 +126,7 @@ class Layered(Method):
         both = with_vertices(marked, surface, done.vertices)
         if not np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message):
             raise MeshError(
-                "patches disturb the solid's layer of this mesh; use shape-spectrum alone, or fewer patches"
+                "patches disturb the solid's layer of this mesh; use shape-spectrum alone, or a lower total"
             )
         return both
 
