@@ -240,20 +240,23 @@ def test_no_test_is_rejected_more_often_than_its_rate() -> None:
 # Deeper searches
 
 
-@pytest.mark.parametrize("depth", [NO_DEEPER, Depth(any_scale=True), Depth(mirrored=True)])
 def test_what_else_is_looked_for_reaches_the_patches(
-    spot: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch, depth: Depth
+    coarse: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And neither the first sight nor the solid, which needs no telling."""
     told: list[Depth] = []
 
-    def extract(method: LocalPatches, *_: Any, **__: Any) -> Extraction:
-        told.append(Depth(method.mirrored, method.any_scale))
-        return Extraction(np.zeros(64), log10_p=0.0)
+    def extract(method: Any, *_: Any, **__: Any) -> Extraction:
+        if isinstance(method, LocalPatches):
+            told.append(Depth(method.mirrored, method.any_scale))
+        return Extraction(np.zeros(64), log10_p=0.0, coherence=0.0)
 
-    monkeypatch.setattr(LocalPatches, "extract", extract)
-    marking.extract(spot, PROFILES["layered-2026"], key, depth=depth)
-    assert told == [depth]
+    for method in (LocalPatches, ShapeSpectrum):
+        monkeypatch.setattr(method, "extract", extract)
+    depths = [NO_DEEPER, Depth(any_scale=True), Depth(mirrored=True)]
+    for depth in depths:
+        marking.extract(coarse, PROFILES["layered-2026"], key, depth=depth)
+    assert told == depths
     assert Layered(any_scale=True, mirrored=True).quick == Layered(search=False)
     assert ShapeSpectrum().searching(Depth(any_scale=True)) == ShapeSpectrum()
 

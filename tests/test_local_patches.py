@@ -157,7 +157,7 @@ def _sure(part: TriangleMesh, key: Key) -> list[Hit]:
     return [hit for each in seen[:2] for hit in believed(each.candidates(shares, times=1))]
 
 
-@pytest.mark.parametrize("scale", [0.3, 1.17])
+@pytest.mark.parametrize("scale", [1.17, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_fragment_in_another_unit_is_read_where_that_is_asked_for(
     marked: TriangleMesh, key: Key, scale: float
 ) -> None:
