@@ -203,7 +203,6 @@ def test_view_colours_the_patches_that_tell_a_mark(folder: Path, tmp_path: Path,
     """And says where none does; the two kinds of colours exclude each other."""
     from o3dmark import marking
     from o3dmark.methods import Extraction, Spot
-    from o3dmark.view import sheet
 
     drawn: list[Any] = []
 
@@ -212,9 +211,7 @@ def test_view_colours_the_patches_that_tell_a_mark(folder: Path, tmp_path: Path,
         return SimpleNamespace(reading=SimpleNamespace(extraction=Extraction(np.zeros(8), spots=spots)))
 
     monkeypatch.setattr(marking, "extract", extract)
-    monkeypatch.setattr(
-        "o3dmark.view.sheet", lambda panels, **options: drawn.extend(panels) or sheet(panels, **options)
-    )
+    monkeypatch.setattr("o3dmark.view.sheet", lambda panels, **_: drawn.extend(panels) or np.zeros((8, 8, 3), np.uint8))
     words = ["view", folder / "cover.ply", "--patches", folder / "owner.key", "--json"]
     assert run(capsys, *words, "--png", tmp_path / "found.png")[0] == 0
     values = drawn[0].scalars

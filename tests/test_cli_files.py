@@ -11,7 +11,7 @@ import pytest
 from fixtures.command_line import run
 from fixtures.gltf_files import Builder
 from o3dmark.coding.keys import Key
-from o3dmark.files import open_asset, read_mesh, write_mesh
+from o3dmark.files import open_asset, read_mesh, read_shape, write_mesh
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
 from o3dmark.watermark import Watermark
 
@@ -145,7 +145,8 @@ def test_clouds_are_read(home: Path, capsys: Any, spot: TriangleMesh, key: Key) 
     cloud = marked.sample_points_uniformly(40_000)
     for name in ("cloud.ply", "cloud.pcd", "cloud.xyzn"):
         o3d.io.write_point_cloud(str(home / name), cloud)
-        assert message_in(capsys, home, name) == "me"
+        assert np.allclose(read_shape(home / name).points, cloud.points, atol=1e-5)
+    assert message_in(capsys, home, "cloud.pcd") == "me"
     words = ("--key", home / "owner.key", "--message", "me", *BITS, "--json")
     code, result, _ = run(capsys, "detect", home / "cloud.ply", *words)
     assert (code, result["present"], result["part"]) == (0, True, "all of it")

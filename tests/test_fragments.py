@@ -23,7 +23,7 @@ def cropped(mesh: TriangleMesh, share: float, noise: str, seed: int) -> tuple[Su
     return Surface.of(attack_all(mesh, attacks, rng=seed)), Surface.of(attack_all(mesh, attacks[:1], rng=seed))
 
 
-@pytest.mark.parametrize(("share", "seed"), [(0.1, 0), (0.6, 1)])
+@pytest.mark.parametrize(("share", "seed"), [pytest.param(0.1, 0, marks=pytest.mark.slow), (0.6, 1)])
 def test_a_fragment_is_aligned_with_where_it_was(spot: TriangleMesh, share: float, seed: int) -> None:
     whole = Surface.of(spot)
     fragment, truth = cropped(spot, share, "noise:amplitude=0.002", seed)

@@ -544,12 +544,13 @@ def writers() -> Iterator[Callable[[Path, float], int]]:
         yield write
 
 
-def test_killed_200_times_the_ledger_opens_fits_and_holds_what_was_confirmed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [50, pytest.param(200, marks=pytest.mark.slow)])
+def test_killed_again_and_again_the_ledger_opens_fits_and_holds_what_was_confirmed(tmp_path: Path, times: int) -> None:
     path, journal, draw = tmp_path / "copies.db", tmp_path / "copies.db-journal", random.Random(13)
     found, interruptions = list[Copy](), 0
     Ledger(path, writable=True).close()
     with writers() as write:
-        for _ in range(200):
+        for _ in range(times):
             confirmed = max(len(found), write(path, draw.uniform(0.0, 0.04)))
             interruptions += journal.exists()
             with Ledger(path) as ledger:

@@ -234,6 +234,7 @@ class TestAdvice:
     def test_or_that_none_does(self, opened: Opened, key: Key) -> None:
         assert "none of the profiles" in marking.advice(opened(UNIT_SQUARE), PROFILES["robust-2026"], "mine", key)
 
+    @pytest.mark.slow
     def test_what_the_file_s_numbers_cannot_hold_is_not_advised(self, opened: Opened, spot_arrays, key: Key) -> None:
         """At 1e5 float32 numbers lie 0.008 apart, a hundredth of what spot measures in width: no profile is read."""
         vertices, triangles = spot_arrays

@@ -38,15 +38,17 @@ def test_the_message_comes_back_blindly(marked: Any, key: Key) -> None:
 
 def test_a_wrong_key_finds_nothing(marked: Any) -> None:
     wrong_key = Key(bytes(31) + b"\1")
-    reading = Watermark().extract(marked, wrong_key)
+    extraction = Watermark().extract_bits(marked, wrong_key)
+    reading = Watermark().decode(extraction, wrong_key)
     assert not reading.found
     assert reading.message is None
-    assert not Watermark().detect(marked, wrong_key, MESSAGE).present
+    assert not Watermark().test(extraction, wrong_key, MESSAGE).present
 
 
 def test_an_unmarked_mesh_holds_nothing(carrier: Any, key: Key) -> None:
-    assert not Watermark().extract(carrier, key).found
-    assert not Watermark().detect(carrier, key, MESSAGE).present
+    extraction = Watermark().extract_bits(carrier, key)
+    assert not Watermark().decode(extraction, key).found
+    assert not Watermark().test(extraction, key, MESSAGE).present
 
 
 def test_knowing_the_message_sharpens_the_test(marked: Any, key: Key) -> None:
