@@ -28,10 +28,8 @@ from o3dmark.mesh import similarity
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.registration import align
 from o3dmark.mesh.surface import Surface, is_cloud, mesh_arrays, triangle_mesh
-from o3dmark.methods import Spot, certainty_about
 from o3dmark.report.content import Cell, Figure, Section, Table
 from o3dmark.report.page import page
-from o3dmark.view import Panel, sheet
 from o3dmark.view.comparison import distance_sheet
 from o3dmark.view.render import jpeg
 
@@ -103,8 +101,6 @@ def _sections(name: str, file: Path, trace: Trace, files: Path | None) -> Iterat
         _drawn(trace.best.agreement),
         "A filled square: the bit that was read is the copy's; a crossed one: it is not.",
     )
-    if trace.spots:
-        yield Section(f"{name}: where it was read", *_where(file, trace.spots))
     yield Section(f"{name}: the bits", "Read from the shape, without the original.", (bits,))
     yield Section(f"{name}: what the probability means", _PROBABILITY)
 
@@ -147,25 +143,6 @@ def _beside(suspect: Path, copy: Path) -> tuple[str, tuple[Figure, ...]]:
     data = b64encode(picture).decode()
     image = f'<img alt="the two, and the distance between them" src="data:image/jpeg;base64,{data}">'
     return said, (Figure("The copy, the suspect, and the distance between them", image),)
-
-
-def _where(suspect: Path, spots: Sequence[Spot]) -> tuple[str, tuple[Figure, ...]]:
-    """What a section says and shows of the places of a suspect that tell the copy."""
-    said = (
-        f"{len(spots)} place{'s' * (len(spots) > 1)} on the surface tell{'s' * (len(spots) == 1)} the bits; the rest of"
-        " the model is not needed."
-    )
-    try:
-        shape = read_shape(suspect)
-        if is_cloud(shape):
-            return said, ()
-        certainty = certainty_about(mesh_arrays(shape)[0], spots)
-        panel = Panel("The suspect", shape, scalars=certainty, bar="decades of evidence", colormap="OrRd")
-        picture = jpeg(sheet([panel], columns=1))
-    except (MeshError, OSError) as error:
-        return f"{said} The suspect cannot be drawn: {error}", ()
-    image = f'<img alt="the places that were read" src="data:image/jpeg;base64,{b64encode(picture).decode()}">'
-    return said, (Figure("The places that were read, by how sure each is", image),)
 
 
 def _laid_on(here: Any, there: Any) -> tuple[Any, Floats]:

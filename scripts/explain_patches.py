@@ -17,12 +17,13 @@ from o3dmark import SHAPES, Key, Watermark, attack_all
 from o3dmark.arrays import Floats
 from o3dmark.mesh.surface import Surface, triangle_mesh
 from o3dmark.mesh.welding import mended
-from o3dmark.methods import certainty_about
+from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.disk import disk_functions
 from o3dmark.methods.local_patches.format import FORMATS
 from o3dmark.methods.local_patches.measuring import Patches, Sampled, held
-from o3dmark.methods.local_patches.method import LocalPatches
+from o3dmark.methods.local_patches.method import LocalPatches, Look
 from o3dmark.methods.local_patches.places import Marked
+from o3dmark.methods.local_patches.search import Hit, believed
 from o3dmark.view import Panel, save_png, sheet
 from o3dmark.view.camera import THREE_QUARTER
 
@@ -45,8 +46,10 @@ def main(out: Path) -> None:
     fragment = attack_all(mesh_of(marked), ATTACK, SEED)
     look = METHOD.observe(fragment)
     reading = watermark.extract(look, KEY)
-    spots = reading.extraction.spots
-    certainty = certainty_about(np.asarray(fragment.vertices), spots)
+    hits = hits_of(look, watermark.n_bits)
+    certainty = np.zeros(len(fragment.vertices))
+    for hit in hits:
+        certainty[held(np.asarray(fragment.vertices), hit.patch)] = -hit.log10_p
     seen = np.zeros(len(cover.vertices))
     for place, patch in zip(done.places, about, strict=True):
         seen[held(marked.vertices, patch)] = place.jnd
@@ -63,7 +66,7 @@ def main(out: Path) -> None:
         Panel(
             f"{len(fragment.vertices) / len(cover.vertices):.0%} of it, turned: {reading.message!r}",
             fragment,
-            f"{len(spots)} patches found with the key alone; p-value {reading.p_value:.0e}",
+            f"{len(hits)} patches found with the key alone; p-value {reading.p_value:.0e}",
             certainty,
             "decades of evidence for a patch, all tries charged",
             (0.0, 20.0),
@@ -80,6 +83,15 @@ def patches_about(marked: Surface, done: Marked, radius: float) -> list[Patches]
     sampled = Sampled(FORM, marked, radius)
     patches = sampled.patches(marked.vertices[centres], marked.normals[centres])
     return [patches.among(np.array([i])) for i in range(len(centres))]
+
+
+def hits_of(look: Look, n_bits: int) -> list[Hit]:
+    """The patches that the reader believes in, at the first radius where there are any."""
+    shares = Share.all_of(KEY, FORM, n_bits)
+    for seen in look.seen:
+        if hits := believed(seen.candidates(shares, times=len(look.seen))):
+            return hits
+    return []
 
 
 def one_patch(cover: Surface, vertices: Floats, patch: Patches) -> Panel:

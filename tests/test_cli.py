@@ -5,7 +5,6 @@ import stat
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -197,30 +196,6 @@ def test_saliency_as_numbers_colours_and_picture(folder: Path, tmp_path: Path, c
     for name in ("s.ply", "s.png"):
         assert run(capsys, "saliency", folder / "cover.ply", "--scales", "2", "--out", tmp_path / name)[0] == 0
         assert (tmp_path / name).stat().st_size > 1000
-
-
-def test_view_colours_the_patches_that_tell_a_mark(folder: Path, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
-    """And says where none does; the two kinds of colours exclude each other."""
-    from o3dmark import marking
-    from o3dmark.methods import Extraction, Spot
-
-    drawn: list[Any] = []
-
-    def extract(shape: Any, *_: Any) -> Any:
-        spots = (Spot(np.asarray(shape.vertices)[0], 0.3, -12.0),) if not drawn else ()
-        return SimpleNamespace(reading=SimpleNamespace(extraction=Extraction(np.zeros(8), spots=spots)))
-
-    monkeypatch.setattr(marking, "extract", extract)
-    monkeypatch.setattr("o3dmark.view.sheet", lambda panels, **_: drawn.extend(panels) or np.zeros((8, 8, 3), np.uint8))
-    words = ["view", folder / "cover.ply", "--patches", folder / "owner.key", "--json"]
-    assert run(capsys, *words, "--png", tmp_path / "found.png")[0] == 0
-    values = drawn[0].scalars
-    assert values[0] == values.max() == 12.0
-    assert 0 < np.count_nonzero(values) < len(values)
-    code, _, said = run(capsys, *words, "--png", tmp_path / "none.png")
-    assert (code, drawn[1].scalars) == (0, None)
-    assert "none tells the mark" in said
-    assert run(capsys, *words, "--scalars", "saliency", "--png", tmp_path / "both.png")[0] == 2
 
 
 def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:

@@ -3,11 +3,9 @@
 import os
 import shutil
 import subprocess
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fixtures.command_line import run
@@ -15,10 +13,9 @@ from o3dmark.coding.identities import codeword
 from o3dmark.coding.keys import Key
 from o3dmark.copies import Ledger, Tracer, issue
 from o3dmark.copies.issuing import asset_key
-from o3dmark.evidence import Evidence, _sections
+from o3dmark.evidence import Evidence
 from o3dmark.files import read_mesh, write_mesh
 from o3dmark.mesh.surface import TriangleMesh
-from o3dmark.methods import Spot
 
 HOSTILE = '<script>alert("x")</script>&\'"><img src=x onerror=alert(1)>'
 
@@ -141,17 +138,3 @@ def test_a_browser_shows_it_without_scrolling_sideways(page: str, shop: Path, tm
     ).stdout
     whole, seen = map(int, shown.split("<title>")[1].split("</title>")[0].split(" of "))
     assert whole <= seen
-
-
-def test_places_that_told_the_copy_are_shown(shop: Path, key: Key) -> None:
-    with Ledger(shop / "copies.db") as ledger:
-        tracer = Tracer.of(ledger.copies(), [key])
-    found = tracer.trace(read_mesh(shop / "leak.stl"))
-    centre = read_mesh(shop / "leak.stl").get_center()
-    shown = replace(found, spots=(Spot(np.asarray(centre), 0.5, -9.0), Spot(np.asarray(centre), 0.1, -3.0)))
-    sections = {section.title: section for section in _sections("leak.stl", shop / "leak.stl", shown, None)}
-    assert "leak.stl: where it was read" in sections
-    assert sections["leak.stl: where it was read"].intro.startswith("2 places on the surface tell the bits")
-    assert len(sections["leak.stl: where it was read"].blocks) == 1
-    without = {section.title for section in _sections("leak.stl", shop / "leak.stl", found, None)}
-    assert "leak.stl: where it was read" not in without

@@ -3,17 +3,14 @@
 import json as json_text
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-if TYPE_CHECKING:
-    from o3dmark.methods import Spot
-
-_FOR_PROGRAMS = {"soft", "log10_p", "spots"}  # of no use in a table
+_FOR_PROGRAMS = {"soft", "log10_p"}  # of no use in a table
 
 
 def since(started: float) -> float:
@@ -49,8 +46,3 @@ def printable(text: str) -> str:
 
 def say(text: str) -> None:
     print(text, file=sys.stderr)
-
-
-def who_spoke(part: str, spots: "Sequence[Spot]") -> dict[str, Any]:
-    """Which part of a file told the mark, in which layer, and at which places if these tell it by themselves."""
-    return {"part": part, "layer": "local" if spots else "global", "spots": [spot.to_dict() for spot in spots]}

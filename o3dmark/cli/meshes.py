@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from o3dmark.cli._arguments import In, Json, Out, Overwrite, Seed
-from o3dmark.cli._talk import print_result, printable, say, since
+from o3dmark.cli._talk import print_result, say, since
 from o3dmark.errors import SpecError
 
 
@@ -96,9 +96,6 @@ def view(
     scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
     zebra: Annotated[bool, typer.Option("--zebra", help="As mirrors under light tubes; in a picture only.")] = False,
-    patches: Annotated[
-        Path | None, typer.Option(metavar="KEY", help="Colour the patches that tell the mark of this key file.")
-    ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -106,21 +103,17 @@ def view(
     from o3dmark.files import check_free, read_mesh
     from o3dmark.view import Panel, save_png, sheet, show
 
-    coloured = scalars is not None or patches is not None
-    if zebra and (png is None or coloured):
-        raise SpecError("--zebra is for pictures, without scalars: give --png FILE" + " alone" * coloured)
+    if zebra and (png is None or scalars is not None):
+        raise SpecError("--zebra is for pictures, without scalars: give --png FILE" + " alone" * (scalars is not None))
     if png is not None:
         check_free(png, *meshes, overwrite=overwrite)
-    if patches is not None and scalars is not None:
-        raise SpecError("give either --scalars or --patches")
     shapes = [read_mesh(path) for path in meshes]
-    values = _scalars(scalars, shapes) if patches is None else _told(patches, meshes, shapes)
-    bar, colormap = (scalars or "", "viridis") if patches is None else ("decades of evidence", "OrRd")
+    values = _scalars(scalars, shapes)
     if png is None:
         show(shapes, values)
     else:
         panels = [
-            Panel(path.name, shape, scalars=value, bar=bar, colormap=colormap, look="zebra" if zebra else "clay")
+            Panel(path.name, shape, scalars=value, bar=scalars or "", look="zebra" if zebra else "clay")
             for path, shape, value in zip(meshes, shapes, values, strict=True)
         ]
         save_png(png, sheet(panels, columns=min(len(panels), 3)))
@@ -160,22 +153,6 @@ def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
         distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]
         return [None, *distances]
     raise SpecError(f"--scalars is saliency or distance, not {kind!r}")
-
-
-def _told(key: Path, paths: "Sequence[Path]", shapes: "Sequence[Any]") -> "list[Any]":
-    """For each mesh how surely its patches tell the mark of a key, where they do; None for one where none does."""
-    from o3dmark import marking
-    from o3dmark.coding.keys import Key
-    from o3dmark.mesh.surface import mesh_arrays
-    from o3dmark.methods import certainty_about
-
-    secret, values = Key.load(key), []
-    for path, shape in zip(paths, shapes, strict=True):
-        spots = marking.extract(shape, None, secret).reading.extraction.spots
-        values.append(certainty_about(mesh_arrays(shape)[0], spots) if spots else None)
-        if not spots:
-            say(f"{printable(path.name)}: no patch of it was asked, or none tells the mark")
-    return values
 
 
 def _save_scalars(out: Path, shape: Any, values: Any) -> None:

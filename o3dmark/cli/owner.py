@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from o3dmark.cli._arguments import AnyScale, In, Json, Mirrored, Out, Overwrite
-from o3dmark.cli._talk import print_result, printable, say, since, who_spoke
+from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.errors import ConversionError, MeshError, SpecError
 
 if TYPE_CHECKING:
@@ -130,14 +130,13 @@ def extract(
     cover, depth = None if reference is None else read_mesh(reference), Depth(mirrored=mirrored, any_scale=any_scale)
     if raw:
         mark = replace(mark, method=mark.method.searching(depth))
-        extraction = mark.extract_bits(read_shape(source), secret, reference=cover)
-        bits = watermark.raw_dict(extraction) | who_spoke(extraction.part, extraction.spots)
+        bits = watermark.raw_dict(mark.extract_bits(read_shape(source), secret, reference=cover))
         print_result(_about(mark, _profile(method, profile)) | bits | {"seconds": since(started)}, json)
         return
     asked = None if (method, profile, n_bits) == (None, None, None) else mark
     found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr, depth=depth)
-    about = _about_found(found.profile, mark, method, profile) | who_spoke(found.part, found.reading.extraction.spots)
-    print_result(found.reading.to_dict() | about | {"seconds": since(started)}, json)
+    about = _about_found(found.profile, mark, method, profile)
+    print_result(found.reading.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if not found.reading.found:
         raise typer.Exit(1)
 
@@ -177,8 +176,8 @@ def detect(
         false_positive_rate=fpr,
         depth=Depth(mirrored=mirrored, any_scale=any_scale),
     )
-    about = _about_found(found.profile, mark, method, profile) | who_spoke(found.part, found.spots)
-    print_result(found.detection.to_dict() | about | {"seconds": since(started)}, json)
+    about = _about_found(found.profile, mark, method, profile)
+    print_result(found.detection.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
     if found.detection.other is not None:
         say(f"another message reads better: {printable(found.detection.other)}")
     if not found.detection.present:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from o3dmark.cli._arguments import AnyScale, Json, Mirrored, Overwrite
-from o3dmark.cli._talk import print_result, printable, say, since, who_spoke
+from o3dmark.cli._talk import print_result, printable, say, since
 from o3dmark.cli.owner import NBits, Profile
 from o3dmark.errors import MeshError, O3dmarkError
 
@@ -176,7 +176,8 @@ def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     yield "runner_up", _named(found.runner_up)
     yield "candidates", found.candidates
     yield "source", found.best.copy.source if found.best and found.found else None
-    yield from who_spoke(found.part, found.spots).items()
+    yield "part", found.part
+    yield "layer", "global"
     yield "informed", found.informed
 
 

@@ -21,7 +21,7 @@ from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
 from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
-from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method, Progress, Spot, silent
+from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method, Progress, silent
 from o3dmark.profiles import DEFAULT_PROFILE
 from o3dmark.watermark import Watermark
 
@@ -55,7 +55,7 @@ class Trace:
 
     best, runner_up: the candidates that agree best; None where there are none. part: what of the file spoke, and
     how it was read (``view``). candidates: how many copies could have been named. mixed: of a mixture of copies those
-    who took part, as far as that is sure. spots: places of the part that each tell the copy, if a method found such.
+    who took part, as far as that is sure.
     """
 
     best: Named | None
@@ -66,7 +66,6 @@ class Trace:
     view: str = ""
     informed: bool = False
     mixed: tuple[Named, ...] = ()
-    spots: tuple[Spot, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -196,8 +195,7 @@ class Tracer:
         if found.best is not None and found.best.log10_p <= best.log10_p:
             return found
         runner_up = others[0] if others else None
-        found = replace(found, best=best, runner_up=runner_up, part=part, view=extraction.note, informed=informed)
-        return replace(found, spots=extraction.spots)
+        return replace(found, best=best, runner_up=runner_up, part=part, view=extraction.note, informed=informed)
 
     def _extractions(self, looked_at: Sequence[View], covers: Sequence[Any]) -> Iterator[_Seen]:
         """What each view shows under each batch's key: at first sight, beside the reference, after a search."""

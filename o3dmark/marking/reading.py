@@ -12,7 +12,7 @@ from o3dmark.coding.detection import Detection
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.marking.views import View, views
-from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method, Spot
+from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method
 from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Reading, Watermark
 
@@ -28,15 +28,11 @@ class PartReading:
 
 @dataclass(frozen=True)
 class PartDetection:
-    """Whether the mark is there, in which part of the file, and under which profile, if that was not said.
-
-    ``spots``: places of the part that each tell the mark, if a method found such.
-    """
+    """Whether the mark is there, in which part of the file, and under which profile, if that was not said."""
 
     part: str
     detection: Detection
     profile: str | None = None
-    spots: tuple[Spot, ...] = ()
 
 
 class _Seen(NamedTuple):
@@ -101,7 +97,7 @@ def detect(
             wrong = error
             continue
         if best is None or _telling(found) < _telling(best.detection):
-            best = PartDetection(part, found, profile, extraction.spots)
+            best = PartDetection(part, found, profile)
         if best.detection.present:
             break
     if best is None:

@@ -5,7 +5,7 @@ Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many r
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
@@ -27,30 +27,6 @@ def silent(done: int, of: int) -> None:
     """Progress that nobody watches."""
 
 
-class Spot(NamedTuple):
-    """A place that tells the mark by itself: its centre (3,) and radius, in the mesh's coordinates, and how surely.
-
-    ``log10_p``: of the probability that a wrong key agrees so well there, all that was tried charged.
-    """
-
-    centre: Floats
-    radius: float
-    log10_p: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same, ready for JSON."""
-        return {"centre": self.centre.tolist(), "radius": self.radius, "log10_p": round(self.log10_p, 2)}
-
-
-def certainty_about(points: Floats, spots: Sequence[Spot]) -> Floats:
-    """How sure the surest spot is that each of the points (n, 3) lies within, in decades (n,); 0 outside of all."""
-    found = np.zeros(len(points))
-    for spot in spots:
-        within = np.linalg.norm(points - spot.centre, axis=1) < spot.radius
-        found[within] = np.maximum(found[within], -spot.log10_p)
-    return found
-
-
 @dataclass(frozen=True, eq=False)
 class Extraction:
     """What a method read: ``soft`` (n_bits,), positive for 1, negative for 0, the magnitude is the trust in it.
@@ -66,7 +42,6 @@ class Extraction:
     readings     (h, n_bits) soft bits of all readings, where the method keeps them, for those who know the bits
     log10_p      of the probability that values under a wrong key agree so well with codewords, of whatever bits, all
                  that was tried charged; None where the method does not tell
-    spots        places of the mesh that each tell the mark, for methods that find such
     charges      (h,) by how much the p-value of each of these grows; the sum of the inverses is 1 at most. None: by
                  ``hypotheses``, or their number
     """
@@ -84,7 +59,6 @@ class Extraction:
     readings: Floats | None = None
     charges: Ints | None = None
     log10_p: float | None = None
-    spots: tuple[Spot, ...] = ()
 
     @property
     def bits(self) -> Bits:
@@ -260,4 +234,4 @@ class Method(abc.ABC):
         """The number of bits that ``mesh`` can carry at most."""
 
 
-__all__ = ["METHODS", "NO_DEEPER", "Depth", "Extraction", "Method", "Progress", "Spot", "certainty_about", "silent"]
+__all__ = ["METHODS", "NO_DEEPER", "Depth", "Extraction", "Method", "Progress", "silent"]

@@ -26,7 +26,7 @@ from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
-from o3dmark.methods import METHODS, Depth, Extraction, Method, Spot
+from o3dmark.methods import METHODS, Depth, Extraction, Method
 from o3dmark.methods._threads import one_thread
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
@@ -197,8 +197,7 @@ def _told(hits: Sequence[Hit], candidates: Sequence[Hit], n_bits: int) -> Extrac
     readings = np.array([soft, *alone])
     kinds = {hit.share.kind for hit in hits}
     surest = [min(hit.log10_p for hit in hits if hit.share.kind == kind) for kind in kinds]
-    sure = believed(hits)
-    words = f"{len(sure)} patch" + "es" * (len(sure) > 1) if sure else ""
+    words = f"{len(hits)} patch" + "es" * (len(hits) > 1) if believed(hits) else ""
     return Extraction(
         soft,
         hypotheses=2,
@@ -208,5 +207,4 @@ def _told(hits: Sequence[Hit], candidates: Sequence[Hit], n_bits: int) -> Extrac
         readings=readings,
         charges=charges,
         log10_p=together(surest) if hits else 0.0,
-        spots=tuple(Spot(hit.patch.centre[0], hit.patch.radius, hit.log10_p) for hit in sure),
     )
