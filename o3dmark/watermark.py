@@ -140,6 +140,7 @@ def raw_dict(extraction: Extraction) -> dict[str, Any]:
         "hypotheses": extraction.hypotheses,
         **extraction.which(),
         "note": extraction.note,
+        "patches": [patch.to_dict() for patch in extraction.patches],
     }
 
 

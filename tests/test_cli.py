@@ -1,6 +1,7 @@
 """The command line: JSON contract, exit codes, secrets kept, nothing half written."""
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -12,10 +13,12 @@ import open3d as o3d
 import pytest
 
 from fixtures.command_line import run
+from fixtures.paths import GOLDEN
 from o3dmark.cli import commands
 from o3dmark.coding.keys import Key
-from o3dmark.files import write_mesh
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.files import read_mesh, write_mesh
+from o3dmark.mesh.patch import Patch
+from o3dmark.mesh.surface import Surface, TriangleMesh, triangle_mesh
 
 MESSAGE = "o3d!"
 
@@ -30,6 +33,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory, carrier: Any) -> Path:
     key.save(path / "owner.key")
     write_mesh(path / "cover.ply", cover)
     write_mesh(path / "marked.ply", Watermark().embed(cover, MESSAGE, key))
+    return path
+
+
+@pytest.fixture
+def fragment(tmp_path: Path, key: Key) -> Path:
+    """Half of a bust, which two patches tell; the key is beside it."""
+    path = tmp_path / "fragment.ply"
+    shutil.copy(GOLDEN / "marks" / "fragment.ply", path)
+    key.save(path.with_suffix(".key"))
     return path
 
 
@@ -79,6 +91,26 @@ def test_detect_says_yes_and_no(folder: Path, capsys: Any) -> None:
     words = ("--message", "else", "--profile", "robust-2026", "--json")
     code, result, _ = run(capsys, "detect", mesh, "--key", key, *words)
     assert (code, result["present"]) == (1, False)
+
+
+def test_what_of_the_surface_spoke_is_told(folder: Path, fragment: Path, capsys: Any) -> None:
+    """The patches of a fragment, on its surface; none of a mesh that spoke as a whole."""
+    words = (fragment, "--key", fragment.with_suffix(".key"), "--profile", "layered-2026")
+    code, result, _ = run(capsys, "extract", *words, "--json")
+    assert (code, result["message"], result["part"]) == (0, "part", "fragment: 2 patches")
+    surface = Surface.of(read_mesh(fragment))
+    assert len(result["patches"]) == 2
+    for patch in result["patches"]:
+        assert list(patch) == ["centre", "axis", "radius", "half_height"]
+        near = Patch(*map(np.array, patch.values())).holds(surface.vertices)
+        assert 75 < np.count_nonzero(near) < 0.5 * len(near)
+        assert (surface.normals[near] @ patch["axis"]).mean() > 0.5
+    known = run(capsys, "detect", *words, "--message", "part", "--json")[1]
+    raw = run(capsys, "extract", *words, "--raw", "--json")[1]
+    assert known["patches"] == result["patches"]
+    assert [each["radius"] for each in raw["patches"]] == pytest.approx([each["radius"] for each in result["patches"]])
+    words = (folder / "marked.ply", "--key", folder / "owner.key", "--profile", "robust-2026", "--json")
+    assert run(capsys, "extract", *words)[1]["patches"] == []
 
 
 def test_a_wrong_key_is_a_no_without_a_message(folder: Path, tmp_path: Path, capsys: Any) -> None:

@@ -112,6 +112,7 @@ def test_a_whole_mesh_is_read_without_asking_patches(marked: Any, key: Key, monk
         read = METHOD.extract(attack_all(marked, [attack], rng=1), len(BITS), key)
         assert np.array_equal(read.bits, BITS)
         assert "patch" not in read.note
+        assert read.patches == ()
 
 
 def test_nor_does_a_quick_look_ask_them(coarse: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,6 +135,10 @@ def test_a_fragment_is_read_from_its_patches(marked: Any, key: Key, monkeypatch:
     read = METHOD.extract(seen, len(BITS), key)
     assert np.array_equal(read.bits, BITS)
     assert "patch" in read.part
+    assert len(read.patches) == int(read.part.split()[0])
+    surface = Surface.of(seen.whole.received)
+    for patch in read.patches:
+        assert np.linalg.norm(surface.vertices - patch.centre, axis=1).min() < 0.1 * patch.radius
     assert read.detect(BITS).log10_p < -15.0
     first = METHOD.layers["solid"].quick.extract(seen.whole, len(BITS), key)
     assert not np.array_equal(first.bits, BITS)

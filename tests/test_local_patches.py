@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from fixtures.attacked import torus
-from fixtures.shapes import mapped
+from fixtures.shapes import mapped, rotation
 from o3dmark.attacks import attack_all
 from o3dmark.coding.detection import together
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError, SpecError
+from o3dmark.mesh import similarity
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh
 from o3dmark.methods import METHODS, Depth, Extraction
 from o3dmark.methods.local_patches import places, search
@@ -173,6 +174,32 @@ def test_a_fragment_mirrored_or_inside_out_is_read_where_that_is_asked_for(
     assert read.part
 
 
+def test_a_fragment_tells_where_its_patches_are(
+    carrier: TriangleMesh, marked: TriangleMesh, written: Marked, key: Key
+) -> None:
+    """Where the writer wrote, moved as the fragment was, of its radius and upright; others' looks change nothing."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(3), [5.0, -2.0, 1.0]
+    part = mapped(attack_all(marked, ["crop:share=0.5"], rng=1), lambda v: similarity.apply(pose, v))
+    read = METHOD.quick.extract(part, len(BITS), key)
+    assert read.part == f"{len(read.patches)} patches"
+    radius = METHOD.radius_on(Surface.of(carrier))
+    vertices = [place.vertex for place in written.places]
+    at = similarity.apply(pose, written.vertices[vertices])
+    normals = Surface.of(marked).normals[vertices] @ pose[:3, :3].T
+    found = []
+    for patch in read.patches:
+        offset = np.linalg.norm(at - patch.centre, axis=1)
+        found.append(int(offset.argmin()))
+        assert offset.min() < 0.05 * radius
+        assert patch.axis @ normals[found[-1]] > 0.8
+        assert (patch.radius, patch.half_height) == pytest.approx((radius, FORM.half_height * radius))
+        assert np.linalg.norm(patch.axis) == pytest.approx(1.0)
+    assert len(set(found)) == len(found) > 2
+    assert read.times(7).patches == read.beside(Extraction(read.soft)).patches == read.patches
+    assert Extraction(read.soft).beside(read).patches == ()
+
+
 def test_more_bits_than_a_patch_holds_are_told_by_patches_of_two_kinds(
     carrier: TriangleMesh, key: Key, quick: None
 ) -> None:
@@ -193,7 +220,7 @@ def test_neither_a_wrong_key_nor_an_unmarked_mesh_tells_anything(
     for mesh, other in ((marked, stranger(7)), (carrier, key)):
         part = attack_all(mesh, ["crop:share=0.7", POSE], rng=1)
         read = METHOD.quick.extract(part, len(BITS), other)
-        assert read.part == ""
+        assert (read.part, read.patches) == ("", ())
         assert read.detect(BITS).p_value > 1e-3
         assert read.log10_p is not None
         assert read.log10_p > -3.0

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from fixtures.npz_asset import Npz, npz
-from fixtures.shapes import UNIT_SQUARE, icosphere
+from fixtures.shapes import UNIT_SQUARE, icosphere, rotation
 from o3dmark import marking
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError, SpecError
 from o3dmark.files import ASSETS, Asset, Source, open_asset
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
-from o3dmark.methods import METHODS
+from o3dmark.mesh.patch import Patch
+from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
+from o3dmark.methods import METHODS, Extraction
 from o3dmark.profiles import PROFILES
 from o3dmark.watermark import Watermark
 
@@ -133,6 +134,27 @@ def test_the_views_of_a_file_are_its_parts_and_all_of_it(opened: Opened, spot_ar
     assert [view.shape for view in marking.views(cloud, MARK.method)] == [cloud]
     with pytest.raises(MeshError, match="holds no mesh of triangles"):
         marking.views(opened(), MARK.method)
+
+
+def test_patches_are_told_where_the_file_has_them(opened: Opened, spot_arrays) -> None:
+    """A part's own frame is not the file's: each place that the file gives it has the patch."""
+    mirrored, moved, flat = np.diag([-2.0, 2.0, 2.0, 1.0]), np.eye(4), np.diag([1.0, 1.0, 0.0, 1.0])
+    moved[:3, :3], moved[:3, 3] = 0.1 * rotation(2), [5.0, 6.0, 7.0]
+    scene = opened(spot_arrays)
+    scene.parts = (replace(scene.parts[0], placements=np.stack([moved, mirrored, flat])),)
+    own, file = Surface.from_arrays(*spot_arrays), Surface.of(scene.mesh())
+    patch = Patch(own.vertices[7], own.normals[7], 0.1, 0.08)
+    told = Extraction(np.ones(8), patches=(patch,))
+    for method in (MARK.method, PROFILES["tiny-2026"].method):
+        for view in marking.views(scene, method):
+            found = view.patches(told)
+            assert [each.radius for each in found] == pytest.approx([0.01, 0.2])
+            for number, each in enumerate(found):
+                vertex = 7 + number * len(own.vertices)
+                assert each.centre == pytest.approx(file.vertices[vertex])
+                assert each.axis == pytest.approx(file.normals[vertex])
+    (stays,) = marking.views(triangle_mesh(*spot_arrays), MARK.method)[0].patches(told)
+    assert stays.centre == pytest.approx(patch.centre)
 
 
 def test_for_a_method_that_does_not_look_for_pieces_they_are_views(spot_arrays) -> None:

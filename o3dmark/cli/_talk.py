@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-_FOR_PROGRAMS = {"soft", "log10_p"}  # of no use in a table
+_FOR_PROGRAMS = {"soft", "log10_p", "patches"}  # of no use in a table
 
 
 def since(started: float) -> float:

@@ -14,7 +14,7 @@ from o3dmark.errors import ConversionError, MeshError, SpecError
 if TYPE_CHECKING:
     from o3dmark.coding.keys import Key
     from o3dmark.files import Asset, Destination
-    from o3dmark.marking import Marked
+    from o3dmark.marking import Marked, PartDetection, PartReading
     from o3dmark.watermark import Watermark
 
 KeyFile = Annotated[Path, typer.Option("--key", metavar="FILE", help="The owner's key file; see keygen.")]
@@ -136,7 +136,7 @@ def extract(
     asked = None if (method, profile, n_bits) == (None, None, None) else mark
     found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr, depth=depth)
     about = _about_found(found.profile, mark, method, profile)
-    print_result(found.reading.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
+    print_result(found.reading.to_dict() | about | _where(found) | {"seconds": since(started)}, json)
     if not found.reading.found:
         raise typer.Exit(1)
 
@@ -177,7 +177,7 @@ def detect(
         depth=Depth(mirrored=mirrored, any_scale=any_scale),
     )
     about = _about_found(found.profile, mark, method, profile)
-    print_result(found.detection.to_dict() | about | {"part": found.part, "seconds": since(started)}, json)
+    print_result(found.detection.to_dict() | about | _where(found) | {"seconds": since(started)}, json)
     if found.detection.other is not None:
         say(f"another message reads better: {printable(found.detection.other)}")
     if not found.detection.present:
@@ -193,6 +193,11 @@ def _about_found(found: str | None, mark: "Watermark", method: str | None, profi
     from o3dmark.profiles import PROFILES
 
     return _about(mark, _profile(method, profile)) if found is None else _about(PROFILES[found], found)
+
+
+def _where(found: "PartReading | PartDetection") -> dict[str, Any]:
+    """Which part of the file spoke, and which patches of its surface."""
+    return {"part": found.part, "patches": [patch.to_dict() for patch in found.patches]}
 
 
 def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark":

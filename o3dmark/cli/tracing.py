@@ -177,7 +177,8 @@ def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     yield "candidates", found.candidates
     yield "source", found.best.copy.source if found.best and found.found else None
     yield "part", found.part
-    yield "layer", "global"
+    yield "patches", [patch.to_dict() for patch in found.patches]
+    yield "layer", "local" if found.patches else "global"
     yield "informed", found.informed
 
 

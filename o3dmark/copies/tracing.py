@@ -21,6 +21,7 @@ from o3dmark.copies.issuing import asset_digest, asset_key, copies_watermark
 from o3dmark.errors import LedgerError, MeshError
 from o3dmark.files import Asset
 from o3dmark.marking import View, mesh_of, views
+from o3dmark.mesh.patch import Patch
 from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method, Progress, silent
 from o3dmark.profiles import DEFAULT_PROFILE
 from o3dmark.watermark import Watermark
@@ -54,8 +55,9 @@ class Trace:
     """Whose copy it is, if it is one's.
 
     best, runner_up: the candidates that agree best; None where there are none. part: what of the file spoke, and
-    how it was read (``view``). candidates: how many copies could have been named. mixed: of a mixture of copies those
-    who took part, as far as that is sure.
+    how it was read (``view``). patches: those of the surface that spoke, in the file's unit and coordinates; none where
+    it spoke as a whole. candidates: how many copies could have been named. mixed: of a mixture of copies those who took
+    part, as far as that is sure.
     """
 
     best: Named | None
@@ -66,6 +68,7 @@ class Trace:
     view: str = ""
     informed: bool = False
     mixed: tuple[Named, ...] = ()
+    patches: tuple[Patch, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -100,8 +103,8 @@ class Batch:
         return codewords(self.key, [copy.name for copy in self.copies], self.watermark.n_bits)
 
 
-_Seen: TypeAlias = tuple[Batch, str, Extraction | MeshError, bool]
-"""A batch, the part of the file, what it shows under the batch's key, and whether beside the reference."""
+_Seen: TypeAlias = tuple[Batch, View, Extraction | MeshError, bool]
+"""A batch, a view of the file, what it shows under the batch's key, and whether beside the reference."""
 
 
 @dataclass
@@ -147,12 +150,12 @@ class Tracer:
         found = Trace(None, None, self.candidates, self.false_positive_rate)
         error: MeshError | None = None
         read = False
-        for batch, part, extraction, informed in self._extractions(looked_at, covers):
+        for batch, view, extraction, informed in self._extractions(looked_at, covers):
             if isinstance(extraction, MeshError):
                 error = error or extraction
                 continue
             read = True
-            found = self._better(found, batch, part, extraction, readings, informed)
+            found = self._better(found, batch, view, extraction, readings, informed)
             if found.found:
                 break
         if not read:
@@ -179,11 +182,12 @@ class Tracer:
                 others = sorted((each for each in named if each not in sure), key=lambda each: each.log10_p)
                 runner_up = others[0] if others else None
                 part = looked_at[0].part
-                return replace(found, best=sure[0], runner_up=runner_up, part=part, informed=True, mixed=tuple(sure))
+                found = replace(found, part=part, informed=True, patches=())
+                return replace(found, best=sure[0], runner_up=runner_up, mixed=tuple(sure))
         return found
 
     def _better(
-        self, found: Trace, batch: Batch, part: str, extraction: Extraction, readings: int, informed: bool
+        self, found: Trace, batch: Batch, view: View, extraction: Extraction, readings: int, informed: bool
     ) -> Trace:
         """The more telling of what was found and what an extraction shows."""
         surest: dict[int, Candidate] = {}
@@ -195,7 +199,15 @@ class Tracer:
         if found.best is not None and found.best.log10_p <= best.log10_p:
             return found
         runner_up = others[0] if others else None
-        return replace(found, best=best, runner_up=runner_up, part=part, view=extraction.note, informed=informed)
+        return replace(
+            found,
+            best=best,
+            runner_up=runner_up,
+            part=view.part,
+            view=extraction.note,
+            informed=informed,
+            patches=view.patches(extraction),
+        )
 
     def _extractions(self, looked_at: Sequence[View], covers: Sequence[Any]) -> Iterator[_Seen]:
         """What each view shows under each batch's key: at first sight, beside the reference, after a search."""
@@ -203,7 +215,7 @@ class Tracer:
         for view in looked_at:
             for batch in filter(self._serves, self.batches):
                 for cover in covers:
-                    yield batch, view.part, _extracted(batch.watermark.method, view.shape, batch, {}, cover), True
+                    yield batch, view, _extracted(batch.watermark.method, view.shape, batch, {}, cover), True
         yield from self._blindly(looked_at, quick=False)
 
     def _blindly(self, looked_at: Sequence[View], *, quick: bool) -> Iterator[_Seen]:
@@ -212,7 +224,7 @@ class Tracer:
             for batch in self.batches:
                 method = batch.watermark.method.searching(self.depth)
                 method = method.quick if quick else method
-                yield batch, view.part, _extracted(method, view.shape, batch, seen), False
+                yield batch, view, _extracted(method, view.shape, batch, seen), False
 
     @property
     def _method(self) -> Method:

@@ -14,7 +14,7 @@ import numpy as np
 
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d, obj, off
-from o3dmark.files.asset import KINDS, Asset, Part
+from o3dmark.files.asset import KINDS, STAYS, Asset, Part
 from o3dmark.files.conversion import TARGETS, convert
 from o3dmark.files.gltf import Gltf
 from o3dmark.files.obj import Obj
@@ -138,6 +138,7 @@ __all__ = [
     "CLOUDS",
     "FORMATS",
     "KINDS",
+    "STAYS",
     "TARGETS",
     "Asset",
     "Destination",

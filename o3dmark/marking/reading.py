@@ -12,6 +12,7 @@ from o3dmark.coding.detection import Detection
 from o3dmark.coding.keys import Key
 from o3dmark.errors import MeshError, SpecError
 from o3dmark.marking.views import View, views
+from o3dmark.mesh.patch import Patch
 from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method
 from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Reading, Watermark
@@ -19,20 +20,28 @@ from o3dmark.watermark import Reading, Watermark
 
 @dataclass(frozen=True)
 class PartReading:
-    """What was read, in which part of the file, and under which profile, if that was not said."""
+    """What was read, in which part of the file, and under which profile, if that was not said.
+
+    patches: those of the surface that spoke, in the file's unit and coordinates; none where it spoke as a whole.
+    """
 
     part: str
     reading: Reading
     profile: str | None = None
+    patches: tuple[Patch, ...] = ()
 
 
 @dataclass(frozen=True)
 class PartDetection:
-    """Whether the mark is there, in which part of the file, and under which profile, if that was not said."""
+    """Whether the mark is there, in which part of the file, and under which profile, if that was not said.
+
+    patches: as in `PartReading`.
+    """
 
     part: str
     detection: Detection
     profile: str | None = None
+    patches: tuple[Patch, ...] = ()
 
 
 class _Seen(NamedTuple):
@@ -42,6 +51,7 @@ class _Seen(NamedTuple):
     watermark: Watermark
     profile: str | None
     extraction: Extraction
+    patches: tuple[Patch, ...]
 
 
 def extract(
@@ -60,10 +70,10 @@ def extract(
     MeshError when nothing can be read at all.
     """
     best: PartReading | None = None
-    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference, depth):
+    for part, mark, profile, extraction, patches in _all_seen(received, watermark, key, reference, depth):
         reading = mark.decode(extraction, key, false_positive_rate=false_positive_rate)
         if best is None or reading.decoded.log10_p < best.reading.decoded.log10_p:
-            best = PartReading(part, reading, profile)
+            best = PartReading(part, reading, profile, patches)
         if best.reading.found:
             break
     assert best is not None
@@ -88,7 +98,7 @@ def detect(
     """
     best: PartDetection | None = None
     wrong: SpecError | None = None
-    for part, mark, profile, extraction in _all_seen(received, watermark, key, reference, depth):
+    for part, mark, profile, extraction, patches in _all_seen(received, watermark, key, reference, depth):
         try:
             found = mark.test(extraction, key, message, false_positive_rate=false_positive_rate)
         except SpecError as error:
@@ -97,7 +107,7 @@ def detect(
             wrong = error
             continue
         if best is None or _telling(found) < _telling(best.detection):
-            best = PartDetection(part, found, profile)
+            best = PartDetection(part, found, profile, patches)
         if best.detection.present:
             break
     if best is None:
@@ -136,7 +146,8 @@ def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: A
                 read = True
                 charge = len(looked_at) * look.passes(reference) * _charge(look.profile, len(looks))
                 part = ": ".join(filter(None, [view.part, extraction.part]))
-                yield _Seen(part, look.watermark, look.profile, extraction.times(charge))
+                patches = view.patches(extraction)
+                yield _Seen(part, look.watermark, look.profile, extraction.times(charge), patches)
     if not read:
         raise error or MeshError("there is nothing to read")
 

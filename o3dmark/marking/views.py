@@ -5,15 +5,19 @@ taken for, its pieces for one, is a matter of `received`: some methods look at t
 are added here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+import numpy as np
+
 from o3dmark import received as surfaces
+from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
-from o3dmark.files import Asset, Part
+from o3dmark.files import STAYS, Asset, Part
+from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import Surface, is_cloud, triangle_mesh
-from o3dmark.methods import Method
+from o3dmark.methods import Extraction, Method
 
 _MOST = 16  # parts: each may take as long as a reading that finds nothing
 _FEWEST_VERTICES = 100  # fewer hold no message of any profile
@@ -21,10 +25,19 @@ _FEWEST_VERTICES = 100  # fewer hold no message of any profile
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A mesh or cloud to look for a mark in; ``part`` says what of the file it is."""
+    """A mesh or cloud to look for a mark in; ``part`` says what of the file it is.
+
+    placements (k, 4, 4): from its frame to the file's, for each use that the file makes of it.
+    """
 
     part: str
     shape: Any
+    placements: Floats = field(default_factory=lambda: STAYS)
+
+    def patches(self, extraction: Extraction) -> tuple[Patch, ...]:
+        """The patches that spoke in what was read of it, where `Asset.mesh` has them: at each of its places."""
+        places = [place for place in self.placements if np.linalg.det(place[:3, :3])]
+        return tuple(patch.placed(place) for place in places for patch in extraction.patches)
 
 
 def views(received: Any, method: Method) -> list[View]:
@@ -51,7 +64,7 @@ def _parts(received: Any) -> list[View]:
 
 
 def _of_part(part: Part) -> View:
-    return View(part.name, triangle_mesh(part.vertices, part.triangles))
+    return View(part.name, triangle_mesh(part.vertices, part.triangles), part.placements)
 
 
 def _pieces(whole: View) -> list[View]:
@@ -60,4 +73,4 @@ def _pieces(whole: View) -> list[View]:
         found = list(islice(surfaces.views(Surface.of(whole.shape)), 1, None))
     except MeshError:
         return []
-    return [View(view.name, view.surface) for view in found]
+    return [View(view.name, view.surface, whole.placements) for view in found]

@@ -16,6 +16,7 @@ from o3dmark.arrays import Bits, Floats, Ints
 from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.detection import Detection, charge, detect
 from o3dmark.coding.keys import Key
+from o3dmark.mesh.patch import Patch
 from o3dmark.registry import Registry
 
 METHODS: "Registry[Method]" = Registry("method", __name__)
@@ -42,6 +43,7 @@ class Extraction:
     readings     (h, n_bits) soft bits of all readings, where the method keeps them, for those who know the bits
     log10_p      of the probability that values under a wrong key agree so well with codewords, of whatever bits, all
                  that was tried charged; None where the method does not tell
+    patches      of the received surface those that spoke, the surest first; none where it spoke as a whole, or not
     charges      (h,) by how much the p-value of each of these grows; the sum of the inverses is 1 at most. None: by
                  ``hypotheses``, or their number
     """
@@ -59,6 +61,7 @@ class Extraction:
     readings: Floats | None = None
     charges: Ints | None = None
     log10_p: float | None = None
+    patches: tuple[Patch, ...] = ()
 
     @property
     def bits(self) -> Bits:
