@@ -235,7 +235,8 @@ def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any,
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     png = tmp_path / "v.png"
     words = (folder / "cover.ply", folder / "marked.ply", "--scalars", "distance")
-    assert run(capsys, "view", *words, "--png", png, "--json")[0] == 0
+    code, result, _ = run(capsys, "view", *words, "--png", png, "--json")
+    assert (code, result["patches"]) == (0, None)
     assert png.read_bytes().startswith(b"\x89PNG")
     mirror = png.with_stem("mirror")
     assert run(capsys, "view", *words[:2], "--png", mirror, "--zebra", "--json")[0] == 0
@@ -245,6 +246,22 @@ def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any,
         assert (code, result["error"]) == (2, "SpecError")
     code, result, _ = run(capsys, "view", *words, "--json")
     assert (code, result["error"]) == (3, "BackendError")
+
+
+def test_view_shows_the_patches_that_a_key_finds(folder: Path, fragment: Path, tmp_path: Path, capsys: Any) -> None:
+    key, profile = ("--key", fragment.with_suffix(".key")), ("--profile", "layered-2026")
+    png = tmp_path / "patches.png"
+    code, result, _ = run(capsys, "view", fragment, *key, "--png", png, "--json")
+    assert (code, result["output"]) == (0, str(png))
+    (found,) = result["patches"]
+    told = run(capsys, "extract", fragment, *key, *profile, "--raw", "--json")[1]["patches"]
+    assert [each["radius"] for each in found] == pytest.approx([each["radius"] for each in told])
+    before, other = png.read_bytes(), ("--png", png, "--overwrite")
+    assert before.startswith(b"\x89PNG")
+    for words in (key, (*key, *other, "--zebra"), (*profile, *other), (*key, "--profile", "robust-2026", *other)):
+        code, result, _ = run(capsys, "view", fragment, *words, "--json")
+        assert (code, result["error"]) == (2, "SpecError")
+    assert png.read_bytes() == before
 
 
 @pytest.mark.parametrize("kind", ["methods", "attacks", "metrics", "codes", "shapes", "profiles"])

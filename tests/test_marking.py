@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from fixtures.npz_asset import Npz, npz
+from fixtures.paths import GOLDEN
 from fixtures.shapes import UNIT_SQUARE, icosphere, rotation
 from o3dmark import marking
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError, SpecError
-from o3dmark.files import ASSETS, Asset, Source, open_asset
+from o3dmark.files import ASSETS, Asset, Source, open_asset, read_mesh
 from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
@@ -155,6 +156,24 @@ def test_patches_are_told_where_the_file_has_them(opened: Opened, spot_arrays) -
                 assert each.axis == pytest.approx(file.normals[vertex])
     (stays,) = marking.views(triangle_mesh(*spot_arrays), MARK.method)[0].patches(told)
     assert stays.centre == pytest.approx(patch.centre)
+
+
+def test_patches_are_found_in_the_first_part_that_has_any(opened: Opened, key: Key, spot_arrays) -> None:
+    """All looks charged, in any pose that the scene gives the part; a method without patches is refused."""
+    half = mesh_arrays(read_mesh(GOLDEN / "marks" / "fragment.ply"))
+    alone, scene = opened(half), opened(icosphere(2), half)
+    far = np.eye(4)
+    far[:3, :3], far[:3, 3] = 0.1 * rotation(2), [5.0, 6.0, 7.0]
+    scene.parts = (scene.parts[0], replace(scene.parts[1], placements=far[None]))
+    one, other = (marking.patches_found(each, None, key) for each in (alone, scene))
+    assert (one.part, len(one.patches)) == ("mesh 0", 2)
+    assert other.part == "mesh 1"
+    for here, there in zip(one.patches, other.patches, strict=True):
+        assert np.allclose(here.placed(far).centre, there.centre)
+    assert other.log10_p == pytest.approx(one.log10_p + np.log10(2 + 1), abs=0.01)
+    assert one.log10_p < -15.0
+    with pytest.raises(SpecError, match="no patches; profiles that have: layered-2026"):
+        marking.patches_found(alone, MARK, key)
 
 
 def test_for_a_method_that_does_not_look_for_pieces_they_are_views(spot_arrays) -> None:

@@ -4,13 +4,19 @@ import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from o3dmark.cli._arguments import In, Json, Out, Overwrite, Seed
 from o3dmark.cli._talk import print_result, say, since
+from o3dmark.cli.owner import Method, NBits, Profile, asked
 from o3dmark.errors import SpecError
+
+if TYPE_CHECKING:
+    from o3dmark.marking import PatchesFound
+    from o3dmark.view import Panel
+    from o3dmark.watermark import Watermark
 
 
 def attack(
@@ -96,6 +102,12 @@ def view(
     scalars: Annotated[str | None, typer.Option(help="saliency, or distance from the first mesh.")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture; open no window.")] = None,
     zebra: Annotated[bool, typer.Option("--zebra", help="As mirrors under light tubes; in a picture only.")] = False,
+    key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With the patches that a key file finds; in a picture only.")
+    ] = None,
+    method: Method = None,
+    profile: Profile = None,
+    n_bits: NBits = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -105,10 +117,16 @@ def view(
 
     if zebra and (png is None or scalars is not None):
         raise SpecError("--zebra is for pictures, without scalars: give --png FILE" + " alone" * (scalars is not None))
+    if key is not None and (png is None or scalars is not None or zebra):
+        raise SpecError("--key is for pictures, with neither scalars nor stripes: give --png FILE")
+    mark = asked(method, profile, n_bits)
+    if key is None and mark is not None:
+        raise SpecError("--method, --profile and --n-bits say what --key is to find: give --key FILE")
     if png is not None:
-        check_free(png, *meshes, overwrite=overwrite)
+        check_free(png, *meshes, *filter(None, (key,)), overwrite=overwrite)
     shapes = [read_mesh(path) for path in meshes]
     values = _scalars(scalars, shapes)
+    found = None if key is None else _found(key, mark, meshes)
     if png is None:
         show(shapes, values)
     else:
@@ -116,8 +134,11 @@ def view(
             Panel(path.name, shape, scalars=value, bar=scalars or "", look="zebra" if zebra else "clay")
             for path, shape, value in zip(meshes, shapes, values, strict=True)
         ]
+        panels = panels if found is None else _with_patches(panels, found)
         save_png(png, sheet(panels, columns=min(len(panels), 3)))
-    print_result({"output": None if png is None else str(png), "meshes": [str(path) for path in meshes]}, json)
+    told = None if found is None else [[patch.to_dict() for patch in each.patches] for each in found]
+    about = {"meshes": [str(path) for path in meshes], "patches": told}
+    print_result({"output": None if png is None else str(png)} | about, json)
 
 
 def synth(
@@ -153,6 +174,26 @@ def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
         distances = [closest_points(mesh_arrays(shape)[0], first).distance / first.diagonal for shape in shapes[1:]]
         return [None, *distances]
     raise SpecError(f"--scalars is saliency or distance, not {kind!r}")
+
+
+def _found(key: Path, mark: "Watermark | None", meshes: Sequence[Path]) -> "list[PatchesFound]":
+    """The patches in each of the files."""
+    from o3dmark.coding.keys import Key
+    from o3dmark.files import open_asset
+    from o3dmark.marking import patches_found
+
+    secret = Key.load(key)
+    return [patches_found(open_asset(path), mark, secret) for path in meshes]
+
+
+def _with_patches(panels: "Sequence[Panel]", found: "Sequence[PatchesFound]") -> "list[Panel]":
+    """Panels of meshes, as `patches_panel` has them."""
+    from o3dmark.copies.words import one_in
+    from o3dmark.view import patches_panel
+
+    notes = [f"by chance {one_in(each.log10_p)}" if each.patches else "" for each in found]
+    drawn = zip(panels, found, notes, strict=True)
+    return [patches_panel(panel.title, panel.mesh, each.patches, note) for panel, each, note in drawn]
 
 
 def _save_scalars(out: Path, shape: Any, values: Any) -> None:

@@ -133,8 +133,14 @@ def extract(
         bits = watermark.raw_dict(mark.extract_bits(read_shape(source), secret, reference=cover))
         print_result(_about(mark, _profile(method, profile)) | bits | {"seconds": since(started)}, json)
         return
-    asked = None if (method, profile, n_bits) == (None, None, None) else mark
-    found = marking.extract(open_shape(source), asked, secret, reference=cover, false_positive_rate=fpr, depth=depth)
+    found = marking.extract(
+        open_shape(source),
+        asked(method, profile, n_bits),
+        secret,
+        reference=cover,
+        false_positive_rate=fpr,
+        depth=depth,
+    )
     about = _about_found(found.profile, mark, method, profile)
     print_result(found.reading.to_dict() | about | _where(found) | {"seconds": since(started)}, json)
     if not found.reading.found:
@@ -166,10 +172,9 @@ def detect(
 
     secret, mark, started = Key.load(key), _watermark(method, profile, n_bits), time.perf_counter()
     cover = None if reference is None else read_mesh(reference)
-    asked = None if (method, profile, n_bits) == (None, None, None) else mark
     found = marking.detect(
         open_shape(source),
-        asked,
+        asked(method, profile, n_bits),
         secret,
         message,
         reference=cover,
@@ -198,6 +203,11 @@ def _about_found(found: str | None, mark: "Watermark", method: str | None, profi
 def _where(found: "PartReading | PartDetection") -> dict[str, Any]:
     """Which part of the file spoke, and which patches of its surface."""
     return {"part": found.part, "patches": [patch.to_dict() for patch in found.patches]}
+
+
+def asked(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark | None":
+    """What a reader is to look for; None, where nothing says that, for all profiles."""
+    return None if (method, profile, n_bits) == (None, None, None) else _watermark(method, profile, n_bits)
 
 
 def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark":

@@ -178,6 +178,11 @@ class Method(abc.ABC):
         return {}
 
     @property
+    def local(self) -> "Method | None":
+        """What reads patches of the surface, each by itself; None where the surface speaks as a whole alone."""
+        return None
+
+    @property
     def limits(self) -> dict[str, float]:
         """What a mark may cost at most, by the name of the metric: "mrms", "jnd", or none of them."""
         return {}

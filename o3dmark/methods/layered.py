@@ -95,7 +95,12 @@ class Layered(Method):
     @property
     def layers(self) -> dict[str, Method]:
         """The solid's, and the patches'."""
-        return {"solid": self._solid, "patches": self._patches(self.total)}
+        return {"solid": self._solid, "patches": self.local}
+
+    @property
+    def local(self) -> LocalPatches:
+        """See `Method.local`: the patches' layer."""
+        return self._patches(self.total)
 
     @property
     def _solid(self) -> ShapeSpectrum:
@@ -132,7 +137,7 @@ class Layered(Method):
 
     def observe(self, mesh: Any) -> Seen:
         """See `Method.observe`."""
-        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self._patches(self.total).observe)
+        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self.local.observe)
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """See `Method.extract`. The solid at first sight, then patches, then all that the solid's reader tries.
@@ -148,7 +153,7 @@ class Layered(Method):
         clear = first.certainty > _CERTAIN if first.coherence is None else first.coherence > _CLEAR
         if clear:
             return first.times(4)
-        patches = self._patches(self.total).extract(seen.patches, n_bits, key)
+        patches = self.local.extract(seen.patches, n_bits, key)
         if patches.part:
             return patches.times(2).beside(first.times(4))
         if reference is None:

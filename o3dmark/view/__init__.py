@@ -4,6 +4,7 @@
     render_scalars      the same, with its colour bar
     comparison_sheet    cover, marked, attacked          -> original, saliency, marked, displacement, attacked
     distance_sheet      marked, attacked, distances
+    patches_panel       mesh, patches found in it        -> a panel, from the side that shows most of them
     sheet               panels of one's own choice
     coloured            mesh or point cloud, scalars     -> a copy with vertex colours
     save_png, jpeg      a picture as a file, or as the bytes of one
@@ -15,6 +16,7 @@ Pictures are arrays; nothing is written or printed unless asked for.
 from o3dmark.view.camera import Camera
 from o3dmark.view.colours import coloured
 from o3dmark.view.comparison import comparison_sheet, distance_sheet
+from o3dmark.view.patches import patches_panel
 from o3dmark.view.render import Image, jpeg, render, save_png
 from o3dmark.view.sheet import Panel, render_scalars, sheet
 from o3dmark.view.window import show
@@ -27,6 +29,7 @@ __all__ = [
     "comparison_sheet",
     "distance_sheet",
     "jpeg",
+    "patches_panel",
     "render",
     "render_scalars",
     "save_png",

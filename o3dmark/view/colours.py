@@ -1,5 +1,6 @@
 """Numbers as colours: which range of them is shown, and the colour of each."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -8,9 +9,12 @@ from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError, SpecError
+from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 PERCENTILES = (2.0, 98.0)  # saliency has long tails: a few extreme vertices would leave one colour for the rest
+PATCH, RIM = np.array([0.84, 0.36, 0.22]), np.array([0.55, 0.16, 0.10])  # sRGB: what a patch holds, and where it ends
+RIM_WIDTH = 0.05  # of the radius
 
 
 def checked_scalars(scalars: ArrayLike, n_vertices: int) -> Floats:
@@ -55,6 +59,16 @@ def colours(scalars: Floats, limits: tuple[float, float], colormap: str) -> Floa
         raise ValueError(f"colour limits should be finite and rise, not {limits}")
     table = matplotlib.colormaps[colormap](np.linspace(0.0, 1.0, 256))[:, :3]
     return np.asarray(table[np.round(np.clip((scalars - low) / (high - low), 0.0, 1.0) * 255).astype(int)])
+
+
+def painted(points: Floats, patches: Sequence[Patch], material: Floats) -> Floats:
+    """sRGB colours (k, 3) of points (k, 3) on a surface of a ``material`` (3,) whose patches are coloured."""
+    rgb = np.tile(material, (len(points), 1))
+    for patch in patches:
+        inner = patch._replace(radius=(1.0 - RIM_WIDTH) * patch.radius)
+        rgb[patch.holds(points)] = RIM
+        rgb[inner.holds(points)] = PATCH
+    return rgb
 
 
 def coloured(mesh: Any, scalars: ArrayLike, colormap: str = "viridis") -> TriangleMesh | PointCloud:

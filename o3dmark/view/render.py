@@ -7,6 +7,7 @@ meshes are moved to the origin and scaled to size one first; nothing is measured
 """
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -17,10 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from o3dmark.errors import BackendError, MeshError
 from o3dmark.files import replacing
 from o3dmark.mesh import geometry
+from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.surface import Surface
 from o3dmark.view.camera import THREE_QUARTER, Camera
-from o3dmark.view.colours import checked_scalars, colour_limits, colours
+from o3dmark.view.colours import checked_scalars, colour_limits, colours, painted
 from o3dmark.view.model import Model, n_vertices, positions, shape_of
 from o3dmark.view.shading import Hits, open_sky, shade, zebra
 from o3dmark.view.texture import Texture
@@ -43,14 +45,15 @@ def render(
     colormap: str = "viridis",
     frame: Any = None,
     look: Look = "clay",
+    patches: Sequence[Patch] = (),
 ) -> Image:
     """Picture (h, w, 3) of an Open3D triangle mesh or point cloud on white; ``size`` is (w, h) in pixels.
 
     scalars: one number a vertex (or point), shown as colours of a matplotlib ``colormap`` that spans ``limits``, by
     default the 2nd to the 98th percentile. frame: the mesh that the camera is fitted to, so that several are drawn
     alike; by default this one. look: clay; gloss, the same varnished; zebra, a mirror under light tubes, whose stripes
-    show what clay hides; texture, the picture that the mesh wears. Only clay has scalars. Colours of vertices are not
-    drawn. The same call gives the same picture.
+    show what clay hides; texture, the picture that the mesh wears. Only clay has scalars, or in their place patches,
+    whose surface is coloured. Colours of vertices are not drawn. The same call gives the same picture.
     Errors: MeshError when there is nothing to draw, no texture, or the scalars do not fit; SpecError for an unknown
     colormap.
     """
@@ -59,6 +62,8 @@ def render(
         raise ValueError(f"a picture of {width} x {height} pixels has no pixel")
     if look != "clay" and scalars is not None:
         raise ValueError(f"a {look} view has no scalars")
+    if patches and (look != "clay" or scalars is not None):
+        raise ValueError("patches are drawn on clay, without scalars")
     shape = shape_of(mesh)
     fit = positions(shape if frame is None else shape_of(frame))
     centre, to_camera = geometry.box_centre(fit), camera.axes.T / (geometry.diagonal(fit) or 1.0)
@@ -69,6 +74,10 @@ def render(
     material = MATERIAL
     if values is not None and hits.scalars is not None:
         material = colours(hits.scalars, limits or colour_limits(values), colormap)
+    if patches:
+        to_model = np.eye(4)
+        to_model[:3] = to_camera.T @ np.column_stack([np.eye(3), -centre])
+        material = painted(hits.points.astype(np.float64), [patch.placed(to_model) for patch in patches], MATERIAL)
     if look == "texture":
         if not isinstance(shape, Surface):
             raise MeshError("a point cloud has no texture to draw")

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from o3dmark.arrays import Floats
+from o3dmark.mesh.patch import Patch
 from o3dmark.view.camera import THREE_QUARTER, Camera
 from o3dmark.view.colours import beyond, colour_limits
 from o3dmark.view.render import Image, Look, render
@@ -29,7 +30,7 @@ CAPTION_LENGTH, NOTE_LENGTH = 66, 46  # characters that a line has room for
 class Panel:
     """One picture of a sheet: a mesh under a title; with ``scalars``, a colour bar whose quantity ``bar`` names.
 
-    scalars, limits, colormap, frame and look are as in `render`.
+    scalars, limits, colormap, frame, look and patches are as in `render`; camera, if any, is instead of the sheet's.
     """
 
     title: str
@@ -41,6 +42,8 @@ class Panel:
     colormap: str = "viridis"
     frame: Any = None
     look: Look = "clay"
+    camera: Camera | None = None
+    patches: tuple[Patch, ...] = ()
 
 
 def render_scalars(
@@ -130,12 +133,13 @@ class _Canvas:
         image = render(
             panel.mesh,
             panel.scalars,
-            camera=camera,
+            camera=panel.camera or camera,
             size=(round(CELL * self.unit), round(PICTURE * self.unit)),
             limits=limits,
             colormap=panel.colormap,
             frame=panel.frame,
             look=panel.look,
+            patches=panel.patches,
         )
         bottom = self.height - round((y + HEAD) * self.unit) - len(image)
         self.figure.figimage(image, round(x * self.unit), bottom, origin="upper")

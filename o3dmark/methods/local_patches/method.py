@@ -104,6 +104,11 @@ class LocalPatches(Method):
         """See `Method.sight`: the format decides what is observed."""
         return LocalPatches(format=self.format)
 
+    @property
+    def local(self) -> "LocalPatches":
+        """See `Method.local`."""
+        return self
+
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. Errors: MeshError also where no patch fits, or none that nobody sees."""
         surface = mended(Surface.of(mesh))
