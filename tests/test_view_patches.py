@@ -8,7 +8,7 @@ from fixtures.shapes import mapped, rotation
 from o3dmark.errors import MeshError
 from o3dmark.mesh import similarity
 from o3dmark.mesh.patch import Patch
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.view import Camera, patches_panel, render, sheet
 from o3dmark.view.patches import facing
 
@@ -89,6 +89,15 @@ def test_what_is_hidden_does_not_count(ball: TriangleMesh) -> None:
     outside = outside._replace(centre=2.0 * outside.centre)
     camera, seen = facing(both, [within, outside])
     assert seen == 1
+    assert camera.axes[2, 2] < -0.7
+
+
+def test_a_patch_seen_from_within_does_not_count(ball: TriangleMesh) -> None:
+    """Of half a ball, open to the front, whose inside shows all that lies behind."""
+    vertices, triangles = mesh_arrays(ball)
+    bowl = triangle_mesh(vertices, triangles[vertices[triangles, 2].mean(axis=1) < 0.0])
+    camera, seen = facing(bowl, [on_ball(0.0, 0.1, -1.0), on_ball(0.6, 0.2, -1.0), on_ball(-0.6, 0.2, -1.0)])
+    assert seen == 3
     assert camera.axes[2, 2] < -0.7
 
 

@@ -15,6 +15,7 @@ from o3dmark.mesh.surface import PointCloud, TriangleMesh
 PERCENTILES = (2.0, 98.0)  # saliency has long tails: a few extreme vertices would leave one colour for the rest
 PATCH, RIM = np.array([0.84, 0.36, 0.22]), np.array([0.55, 0.16, 0.10])  # sRGB: what a patch holds, and where it ends
 RIM_WIDTH = 0.05  # of the radius
+WALL = 0.3  # cosine of the angle to the axis, below which a surface is a wall
 
 
 def checked_scalars(scalars: ArrayLike, n_vertices: int) -> Floats:
@@ -61,13 +62,16 @@ def colours(scalars: Floats, limits: tuple[float, float], colormap: str) -> Floa
     return np.asarray(table[np.round(np.clip((scalars - low) / (high - low), 0.0, 1.0) * 255).astype(int)])
 
 
-def painted(points: Floats, patches: Sequence[Patch], material: Floats) -> Floats:
-    """sRGB colours (k, 3) of points (k, 3) on a surface of a ``material`` (3,) whose patches are coloured."""
+def painted(points: Floats, normals: Floats, patches: Sequence[Patch], material: Floats) -> Floats:
+    """sRGB colours (k, 3) of points (k, 3) on a surface of a ``material`` (3,) whose patches are coloured.
+
+    They have rims, but for walls along the cylinder, which would be all rim. ``normals`` (k, 3) of either sign.
+    """
     rgb = np.tile(material, (len(points), 1))
     for patch in patches:
         inner = patch._replace(radius=(1.0 - RIM_WIDTH) * patch.radius)
-        rgb[patch.holds(points)] = RIM
-        rgb[inner.holds(points)] = PATCH
+        rgb[patch.holds(points)] = PATCH
+        rgb[patch.holds(points) & ~inner.holds(points) & (np.abs(normals @ patch.axis) > WALL)] = RIM
     return rgb
 
 

@@ -51,7 +51,7 @@ def facing(mesh: Any, patches: Sequence[Patch]) -> tuple[Camera, int]:
 
 
 def _pixels(surface: Surface, patches: Sequence[Patch], cameras: Sequence[Camera]) -> Floats:
-    """How many pixels of each patch (p,) each camera (c,) sees: (c, p)."""
+    """How many pixels of each patch (p,) each camera (c,) sees from without: (c, p)."""
     unit = UnitSize.about_box(surface.vertices)
     points, place = unit.apply(surface.vertices), np.eye(4)
     place[:3] = np.column_stack([np.eye(3), -unit.centre]) / unit.size
@@ -61,6 +61,7 @@ def _pixels(surface: Surface, patches: Sequence[Patch], cameras: Sequence[Camera
         rays = camera.rays(points @ camera.axes.T, *LOOK).reshape(-1, 2, 3) @ camera.axes.astype(np.float32)
         distance = scene.cast_rays(o3d.core.Tensor(rays.reshape(-1, 6)))["t_hit"].numpy()
         hit = np.isfinite(distance)
-        seen = (rays[hit, 0] + distance[hit, None] * rays[hit, 1]).astype(np.float64)
-        found[number] = [np.count_nonzero(patch.holds(seen)) for patch in there]
+        way = rays[hit, 1].astype(np.float64)
+        seen = rays[hit, 0] + distance[hit, None] * way
+        found[number] = [np.count_nonzero(patch.holds(seen) & (way @ patch.axis < 0.0)) for patch in there]
     return found

@@ -77,7 +77,8 @@ def render(
     if patches:
         to_model = np.eye(4)
         to_model[:3] = to_camera.T @ np.column_stack([np.eye(3), -centre])
-        material = painted(hits.points.astype(np.float64), [patch.placed(to_model) for patch in patches], MATERIAL)
+        points, normals = hits.points.astype(np.float64), hits.normals.astype(np.float64)
+        material = painted(points, normals, [patch.placed(to_model) for patch in patches], MATERIAL)
     if look == "texture":
         if not isinstance(shape, Surface):
             raise MeshError("a point cloud has no texture to draw")

@@ -19,7 +19,7 @@ from o3dmark.view.colours import beyond, colour_limits
 from o3dmark.view.render import Image, Look, render
 
 CELL, PICTURE = 500, 375  # width and height of a picture in units of the layout; all its lengths are in these
-HEAD, FOOT = 62, 74  # heights above a picture, for title and caption, and below it, for the colour bar
+HEAD, FOOT = 62, 74  # heights above a picture, for title and caption, and below it, for the colour bar, if any has one
 TITLE, GAP = 56, 24  # height of the sheet's own title; space between panels and at the edges
 DPI = 100
 INK, GREY = "#26231f", "#77716a"
@@ -81,23 +81,24 @@ def sheet(
     n_rows = -(-(len(panels) + bool(notes)) // columns)
     unit = width / (columns * (CELL + GAP) + GAP)  # pixels
     top = TITLE * bool(title)
-    height = round(unit * (top + n_rows * (HEAD + PICTURE + FOOT) + GAP))
+    row = HEAD + PICTURE + FOOT * any(panel.scalars is not None for panel in panels)
+    height = round(unit * (top + n_rows * row + GAP))
     figure = Figure(figsize=((width + 0.01) / DPI, (height + 0.01) / DPI), dpi=DPI, facecolor="white")
     canvas = _Canvas(figure, unit, width, height)
     canvas.text(GAP, TITLE / 2 + GAP / 2, title, 22, INK, "bold")
     for place, panel in enumerate(panels):
-        canvas.panel(panel, *_corner(place, columns, top), camera)
-    x, y = _corner(len(panels), columns, top)
+        canvas.panel(panel, *_corner(place, columns, top, row), camera)
+    x, y = _corner(len(panels), columns, top, row)
     lines = [part for note in notes for part in textwrap.wrap(note, NOTE_LENGTH) or [""]]
     for number, line in enumerate(lines):
         canvas.text(x + GAP, y + HEAD + PICTURE / 2 + 28 * (number - (len(lines) - 1) / 2), line, 16, INK)
     return canvas.pixels()
 
 
-def _corner(place: int, columns: int, top: float) -> tuple[float, float]:
-    """Left and top of the panel at a place."""
-    row, column = divmod(place, columns)
-    return GAP + column * (CELL + GAP), top + row * (HEAD + PICTURE + FOOT)
+def _corner(place: int, columns: int, top: float, row: float) -> tuple[float, float]:
+    """Left and top of the panel at a place, in rows so high."""
+    number, column = divmod(place, columns)
+    return GAP + column * (CELL + GAP), top + number * row
 
 
 @dataclass(frozen=True, eq=False)
