@@ -25,17 +25,21 @@ from o3dmark.copies.words import one_in, sentence
 from o3dmark.errors import MeshError
 from o3dmark.files import read_shape, replacing
 from o3dmark.mesh import similarity
+from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.registration import align
 from o3dmark.mesh.surface import Surface, is_cloud, mesh_arrays, triangle_mesh
 from o3dmark.report.content import Cell, Figure, Section, Table
 from o3dmark.report.page import page
 from o3dmark.view.comparison import distance_sheet
+from o3dmark.view.patches import patches_panel
 from o3dmark.view.render import jpeg
+from o3dmark.view.sheet import sheet
 
 _ALIGNED_BY = 3000  # points of each surface
 _COLUMNS = 16  # bits in a row
 _CELL = 26  # pixels of a bit
+_WIDTH = 900  # of the picture of patches, in pixels
 _LIBRARIES = ("numpy", "scipy", "open3d")  # their modules; the packages may have other names
 
 _PROBABILITY = (
@@ -52,6 +56,10 @@ _MIXED = (
     " where the copy of each person named points; for somebody who has nothing to do with the file it would point"
     " anywhere. The number above is the probability that it would point so near to his by chance, with all copies of"
     " the ledger and all the ways counted in which the file was looked at. It does not say who put the copies together."
+)
+_PATCHES = (
+    "The key finds the mark in the coloured patches of the surface. Each of them carries bits of the copy by itself, so"
+    " that a piece of the model that holds one is enough to read them."
 )
 _COMMITTED = (
     "The ledger's rows are tied to each other by a chain of hashes; whoever was given its head, 64 digits, at an"
@@ -93,6 +101,8 @@ def _sections(name: str, file: Path, trace: Trace, files: Path | None) -> Iterat
         return
     if files is not None:
         yield Section(f"{name}: beside the copy", *_beside(file, files / trace.best.copy.file))
+    if trace.patches:
+        yield Section(f"{name}: where it was read", *_patches(name, file, trace.patches))
     if trace.mixed:
         yield Section(f"{name}: what the probability means", _MIXED)
         return
@@ -140,9 +150,22 @@ def _beside(suspect: Path, copy: Path) -> tuple[str, tuple[Figure, ...]]:
     except (MeshError, OSError) as error:
         return f"The two cannot be drawn beside each other: {error}", ()
     said = "The suspect was moved, turned and scaled to lie on the copy; the colours show how far they are apart."
-    data = b64encode(picture).decode()
-    image = f'<img alt="the two, and the distance between them" src="data:image/jpeg;base64,{data}">'
-    return said, (Figure("The copy, the suspect, and the distance between them", image),)
+    shown = _image(picture, "the two, and the distance between them")
+    return said, (Figure("The copy, the suspect, and the distance between them", shown),)
+
+
+def _patches(name: str, suspect: Path, patches: Sequence[Patch]) -> tuple[str, tuple[Figure, ...]]:
+    """What a section says and shows of the patches of a suspect that spoke."""
+    try:
+        picture = jpeg(sheet([patches_panel(name, read_shape(suspect), patches)], columns=1, width=_WIDTH))
+    except (MeshError, OSError) as error:
+        return f"{_PATCHES} They cannot be drawn: {error}", ()
+    return _PATCHES, (Figure("The patches that were found", _image(picture, "the suspect with its patches")),)
+
+
+def _image(picture: bytes, alt: str) -> str:
+    """A JPEG in the page."""
+    return f'<img alt="{alt}" src="data:image/jpeg;base64,{b64encode(picture).decode()}">'
 
 
 def _laid_on(here: Any, there: Any) -> tuple[Any, Floats]:

@@ -3,7 +3,7 @@
     python scripts/explain_patches.py OUT.png
 
 The patches that a marked bust carries, coloured by how far they are seen; those found in a fragment of it in another
-pose, by how surely they are the key's; and the motion that wrote one of them, fifty times as large.
+pose, as `o3dmark view --key` shows them; and the motion that wrote one of them, fifty times as large.
 """
 
 import hashlib
@@ -17,14 +17,12 @@ from o3dmark import SHAPES, Key, Watermark, attack_all
 from o3dmark.arrays import Floats
 from o3dmark.mesh.surface import Surface, triangle_mesh
 from o3dmark.mesh.welding import mended
-from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.disk import disk_functions
 from o3dmark.methods.local_patches.format import FORMATS
 from o3dmark.methods.local_patches.measuring import Patches, Sampled, held
-from o3dmark.methods.local_patches.method import LocalPatches, Look
+from o3dmark.methods.local_patches.method import LocalPatches
 from o3dmark.methods.local_patches.places import Marked
-from o3dmark.methods.local_patches.search import Hit, believed
-from o3dmark.view import Panel, save_png, sheet
+from o3dmark.view import Panel, patches_panel, save_png, sheet
 from o3dmark.view.camera import THREE_QUARTER
 
 KEY = Key(hashlib.sha256(b"explain").digest())
@@ -44,12 +42,7 @@ def main(out: Path) -> None:
     radius = FORM.nearest_rung(METHOD.radius * np.sqrt(cover.area))
     about = patches_about(marked, done, radius)
     fragment = attack_all(mesh_of(marked), ATTACK, SEED)
-    look = METHOD.observe(fragment)
-    reading = watermark.extract(look, KEY)
-    hits = hits_of(look, watermark.n_bits)
-    certainty = np.zeros(len(fragment.vertices))
-    for hit in hits:
-        certainty[held(np.asarray(fragment.vertices), hit.patch)] = -hit.log10_p
+    reading = watermark.extract(fragment, KEY)
     seen = np.zeros(len(cover.vertices))
     for place, patch in zip(done.places, about, strict=True):
         seen[held(marked.vertices, patch)] = place.jnd
@@ -63,14 +56,11 @@ def main(out: Path) -> None:
             (0.0, 1.0),
             "OrRd",
         ),
-        Panel(
+        patches_panel(
             f"{len(fragment.vertices) / len(cover.vertices):.0%} of it, turned: {reading.message!r}",
             fragment,
-            f"{len(hits)} patches found with the key alone; p-value {reading.p_value:.0e}",
-            certainty,
-            "decades of evidence for a patch, all tries charged",
-            (0.0, 20.0),
-            "OrRd",
+            reading.extraction.patches,
+            f"p-value {reading.p_value:.0e}",
         ),
         one_patch(cover, done.vertices, min(about, key=lambda patch: len(held(marked.vertices, patch)))),
     ]
@@ -83,15 +73,6 @@ def patches_about(marked: Surface, done: Marked, radius: float) -> list[Patches]
     sampled = Sampled(FORM, marked, radius)
     patches = sampled.patches(marked.vertices[centres], marked.normals[centres])
     return [patches.among(np.array([i])) for i in range(len(centres))]
-
-
-def hits_of(look: Look, n_bits: int) -> list[Hit]:
-    """The patches that the reader believes in, at the first radius where there are any."""
-    shares = Share.all_of(KEY, FORM, n_bits)
-    for seen in look.seen:
-        if hits := believed(seen.candidates(shares, times=len(look.seen))):
-            return hits
-    return []
 
 
 def one_patch(cover: Surface, vertices: Floats, patch: Patches) -> Panel:

@@ -6,16 +6,21 @@ import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fixtures.command_line import run
+from fixtures.shapes import mapped, rotation
+from o3dmark.attacks import attack_all
 from o3dmark.coding.identities import codeword
 from o3dmark.coding.keys import Key
 from o3dmark.copies import Ledger, Tracer, issue
 from o3dmark.copies.issuing import asset_key
 from o3dmark.evidence import Evidence
-from o3dmark.files import read_mesh, write_mesh
-from o3dmark.mesh.surface import TriangleMesh
+from o3dmark.files import read_mesh, write_mesh, write_shape
+from o3dmark.mesh.patch import Patch
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud
+from o3dmark.methods.local_patches import places
 
 HOSTILE = '<script>alert("x")</script>&\'"><img src=x onerror=alert(1)>'
 
@@ -101,6 +106,50 @@ def test_what_cannot_be_drawn_is_said(shop: Path, key: Key, tmp_path: Path) -> N
     evidence.add("leak.stl", shop / "leak.stl", tracer.trace(read_mesh(shop / "leak.stl")))
     evidence.write(tmp_path / "out.html", [shop / "copies.db"], "o3dmark trace")
     assert "cannot be drawn beside each other" in Page((tmp_path / "out.html").read_text()).text
+
+
+@pytest.fixture(scope="module")
+def torn(spot: TriangleMesh, key: Key, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a ledger, two copies of spot with patches, and a part of the first's, moved."""
+    folder = tmp_path_factory.mktemp("torn")
+    write_mesh(folder / "spot.ply", spot)
+    with pytest.MonkeyPatch.context() as patch, Ledger(folder / "copies.db", writable=True) as ledger:
+        patch.setattr(places, "_LOOKED_AT", 250)
+        list(issue(folder / "spot.ply", ["b1", "b2"], key, ledger, folder / "out", profile="layered-2026"))
+        leaked = next(copy for copy in ledger.copies() if copy.name == "b1")
+    part = attack_all(read_mesh(folder / "out" / leaked.file), ["crop:share=0.3"], 1)
+    write_mesh(folder / "leak.ply", mapped(part, lambda v: v @ rotation(5).T + 3.0))
+    key.save(folder / "owner.key")
+    return folder
+
+
+def test_where_patches_spoke_they_are_told_and_shown(
+    torn: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["o3dmark"])
+    words = ("trace", torn / "leak.ply", "--ledger", torn / "copies.db", "--key", torn / "owner.key")
+    code, line, _ = run(capsys, *words, "--report", torn / "out.html", "--json")
+    assert (code, line["copy"], line["layer"]) == (0, "b1", "local")
+    vertices = mesh_arrays(read_mesh(torn / "leak.ply"))[0]
+    for patch in line["patches"]:
+        near = Patch(*map(np.array, patch.values())).holds(vertices)
+        assert 30 < np.count_nonzero(near) < 0.7 * len(near)
+    page = Page((torn / "out.html").read_text())
+    assert "leak.ply: where it was read" in page.text
+    assert "Each of them carries bits of the copy by itself" in page.text
+    assert page.tags.count("img") == 1
+
+
+def test_patches_of_what_cannot_be_drawn_are_told(torn: Path, key: Key) -> None:
+    with Ledger(torn / "copies.db") as ledger:
+        found = Tracer.of(ledger.copies(), [key]).trace(read_mesh(torn / "leak.ply"))
+    write_shape(torn / "cloud.ply", point_cloud(mesh_arrays(read_mesh(torn / "leak.ply"))[0]))
+    evidence = Evidence()
+    evidence.add("cloud.ply", torn / "cloud.ply", found)
+    evidence.write(torn / "cloud.html", [torn / "copies.db"], "o3dmark trace")
+    page = Page((torn / "cloud.html").read_text())
+    assert "They cannot be drawn: " in page.text
+    assert "img" not in page.tags
 
 
 def test_the_command_writes_it_and_overwrites_nothing(
