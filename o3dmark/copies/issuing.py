@@ -244,10 +244,5 @@ def _sync(path: Path) -> None:
 
 def _distortion(marked: Marked) -> float:
     """MRMS to first order, over the diagonal, of the part where it is largest."""
-    sizes = []
-    for number, after in marked.moved.items():
-        part = marked.asset.parts[number]
-        areas = geometry.area_vectors(part.vertices, part.triangles)
-        used = part.vertices[geometry.used_vertices(part.triangles)]
-        sizes.append(geometry.normal_rms(areas, (after - part.vertices)[part.triangles]) / geometry.diagonal(used))
-    return max(sizes)
+    parts = [(marked.asset.parts[number], after) for number, after in marked.moved.items()]
+    return max(geometry.motion_mrms(part.vertices, after, part.triangles) for part, after in parts)

@@ -105,6 +105,12 @@ def normal_rms(areas: Floats, corners: Floats) -> float:
     return float(np.sqrt(size @ (a * a + b * b + c * c + a * b + b * c + c * a) / 6.0 / size.sum()))
 
 
+def motion_mrms(vertices: Floats, moved: Floats, triangles: Ints) -> float:
+    """`normal_rms` of vertices (n, 3) that were moved (n, 3), over the diagonal of the box about those in use."""
+    motion = (moved - vertices)[triangles]
+    return normal_rms(area_vectors(vertices, triangles), motion) / diagonal(vertices[used_vertices(triangles)])
+
+
 def edges(triangles: Ints) -> Ints:
     """Each undirected edge once (e, 2), the lower index first, in lexicographic order."""
     keys, _ = np.unique(edge_keys(triangles), return_counts=True)  # without counts numpy hashes, 20 times slower

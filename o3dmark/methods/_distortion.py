@@ -17,8 +17,7 @@ _CLOSE = 1.02  # ratio of the largest strength and one that is taken for it
 
 def estimated_mrms(surface: Surface, vertices: Floats) -> float:
     """RMS distance to the surface moved to ``vertices`` (n, 3), to first order, over the diagonal."""
-    motion = (vertices - surface.vertices)[surface.triangles]
-    return geometry.normal_rms(surface.area_vectors, motion) / surface.diagonal
+    return geometry.motion_mrms(surface.vertices, vertices, surface.triangles)
 
 
 class OutOfReachError(MeshError):

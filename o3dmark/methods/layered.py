@@ -121,7 +121,8 @@ class Layered(Method):
         message = np.asarray(bits, np.uint8).ravel()
         marked = self._solid.embed(mesh, message, key)
         surface = mended(Surface.of(marked))
-        spent = _distortion(mesh.mesh if isinstance(mesh, Prepared) else mesh, marked)
+        before, triangles = mesh_arrays(mesh.mesh if isinstance(mesh, Prepared) else mesh)
+        spent = geometry.motion_mrms(before, mesh_arrays(marked)[0], triangles)
         left = float(np.sqrt(max(self.total**2 - spent**2, 0.0)))
         if not left:
             return marked
@@ -163,11 +164,3 @@ class Layered(Method):
     def capacity(self, mesh: Any) -> int:
         """That of the solid."""
         return self._solid.capacity(mesh)
-
-
-def _distortion(cover: Any, marked: Any) -> float:
-    """RMS distance between a mesh and the same one moved, over the diagonal."""
-    (before, triangles), (after, _) = mesh_arrays(cover), mesh_arrays(marked)
-    used = before[geometry.used_vertices(triangles)]
-    area_vectors = geometry.area_vectors(before, triangles)
-    return geometry.normal_rms(area_vectors, (after - before)[triangles]) / geometry.diagonal(used)
