@@ -12,7 +12,7 @@ pasted or joined to other things; a fragment at another scale is not found.
 The writer sets patches where they are found again and not seen, each as strong as its surroundings hide (`places`).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -154,17 +154,13 @@ class LocalPatches(Method):
 
     def _looks(self, look: Look) -> Iterator[tuple[Seen, Sequence[Side], int]]:
         """Where to look, how, and among how many; every stage that is asked for has as much of the evidence."""
-        if not self.search:
-            seen = self._likely(look)
-            yield from ((each, (OUTSIDE,), len(seen)) for each in seen)
-            return
-        stages: list[tuple[Callable[[], tuple[Seen, ...]], Sequence[Side]]] = [(lambda: look.seen, (OUTSIDE,))]
-        if self.mirrored:
-            stages += [(lambda: look.seen, REVERSED)]
-        if self.any_scale:
-            stages += [(lambda: look.any_scale, (OUTSIDE, *REVERSED) if self.mirrored else (OUTSIDE,))]
-        for seen_of, sides in stages:
-            seen = seen_of()
+        stages: list[tuple[tuple[Seen, ...], Sequence[Side]]]
+        stages = [(look.seen if self.search else self._likely(look), (OUTSIDE,))]
+        if self.search and self.mirrored:
+            stages.append((look.seen, REVERSED))
+        if self.search and self.any_scale:
+            stages.append((look.any_scale, (OUTSIDE, *REVERSED) if self.mirrored else (OUTSIDE,)))
+        for seen, sides in stages:
             yield from ((each, sides, len(seen) * len(stages)) for each in seen)
 
     def _likely(self, look: Look) -> tuple[Seen, ...]:

@@ -77,6 +77,10 @@ class Fit(NamedTuple):
     gain: float
 
 
+# Gains above those of 120 wrong keys on a mesh (1.4 at most), and of 280 on three (3.0)
+_FITS = Fit(3, 1.5), Fit(6, 3.5)
+
+
 class Hit(NamedTuple):
     """What may be a patch: its share, strength, agreement T, log10 of its p-value, all charged, and phases (K,)."""
 
@@ -183,9 +187,6 @@ class Seen:
         return patches.among(np.arange(count)), np.array(values) / guess.strength
 
 
-_FITS = Fit(3, 1.5), Fit(6, 3.5)  # gains: of 100 wrong keys on two meshes each
-
-
 def believed(candidates: Sequence[Hit]) -> list[Hit]:
     """Those of the candidates, surest first, that are patches: if one is beyond doubt, others are likely."""
     if not candidates or candidates[0].log10_p > _SURE:
@@ -195,18 +196,21 @@ def believed(candidates: Sequence[Hit]) -> list[Hit]:
 
 def radii(form: PatchFormat, surface: Surface) -> list[float]:
     """The radii at which a surface may have patches, the likeliest first."""
-    unit, edge = float(np.sqrt(surface.area)), mean_edge(surface)
-    rungs = [rung for rung in form.rungs(_RADII[0] * unit, _RADII[1] * unit) if edge < _COARSE * rung]
-    return sorted(rungs, key=lambda rung: abs(np.log(rung / (_FIRST * unit))))
+    unit = float(np.sqrt(surface.area))
+    return _likeliest_first(form.rungs(_RADII[0] * unit, _RADII[1] * unit), surface)
 
 
 def radii_of_any_scale(surface: Surface) -> list[float]:
     """The radii at which a surface whose unit nobody knows may have patches, the likeliest first."""
-    unit, edge = float(np.sqrt(surface.area)), mean_edge(surface)
     low, high = (np.log(limit) for limit in _RADII_OF_ANY_SCALE)
     over_unit = np.exp(np.linspace(low, high, int(np.ceil((high - low) / _NEXT_SCALE)) + 1))
-    rungs = [rung for rung in (over_unit * unit).tolist() if edge < _COARSE * rung]
-    return sorted(rungs, key=lambda rung: abs(np.log(rung / (_FIRST * unit))))
+    return _likeliest_first((over_unit * np.sqrt(surface.area)).tolist(), surface)
+
+
+def _likeliest_first(rungs: Sequence[float], surface: Surface) -> list[float]:
+    """Those of the radii that the surface is not too coarse for, in the order in which they are tried."""
+    first, edge = _FIRST * np.sqrt(surface.area), mean_edge(surface)
+    return sorted((rung for rung in rungs if edge < _COARSE * rung), key=lambda rung: abs(np.log(rung / first)))
 
 
 def mean_edge(surface: Surface) -> float:
