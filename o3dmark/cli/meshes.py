@@ -14,6 +14,7 @@ from o3dmark.cli.owner import Method, NBits, Profile, asked
 from o3dmark.errors import SpecError
 
 if TYPE_CHECKING:
+    from o3dmark.files import Asset
     from o3dmark.marking import PatchesFound
     from o3dmark.view import Panel
     from o3dmark.watermark import Watermark
@@ -112,7 +113,7 @@ def view(
     json: Json = False,
 ) -> None:
     """Look at meshes side by side, in a window or, without a display, as a picture."""
-    from o3dmark.files import check_free, read_mesh
+    from o3dmark.files import check_free, open_asset, whole_mesh
     from o3dmark.view import Panel, save_png, sheet, show
 
     if zebra and (png is None or scalars is not None):
@@ -124,9 +125,10 @@ def view(
         raise SpecError("--method, --profile and --n-bits say what --key is to find: give --key FILE")
     if png is not None:
         check_free(png, *meshes, *filter(None, (key,)), overwrite=overwrite)
-    shapes = [read_mesh(path) for path in meshes]
+    assets = [open_asset(path) for path in meshes]
+    shapes = [whole_mesh(asset) for asset in assets]
     values = _scalars(scalars, shapes)
-    found = None if key is None else _found(key, mark, meshes)
+    found = None if key is None else _found(key, mark, assets)
     if png is None:
         show(shapes, values)
     else:
@@ -176,14 +178,13 @@ def _scalars(kind: str | None, shapes: "Sequence[Any]") -> "list[Any]":
     raise SpecError(f"--scalars is saliency or distance, not {kind!r}")
 
 
-def _found(key: Path, mark: "Watermark | None", meshes: Sequence[Path]) -> "list[PatchesFound]":
+def _found(key: Path, mark: "Watermark | None", assets: "Sequence[Asset]") -> "list[PatchesFound]":
     """The patches in each of the files."""
     from o3dmark.coding.keys import Key
-    from o3dmark.files import open_asset
     from o3dmark.marking import patches_found
 
     secret = Key.load(key)
-    return [patches_found(open_asset(path), mark, secret) for path in meshes]
+    return [patches_found(asset, mark, secret) for asset in assets]
 
 
 def _with_patches(panels: "Sequence[Panel]", found: "Sequence[PatchesFound]") -> "list[Panel]":

@@ -63,7 +63,11 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
     Errors: MeshError when the file is missing, of another kind, damaged, or holds no triangle.
     """
-    asset = open_asset(path)
+    return whole_mesh(open_asset(path))
+
+
+def whole_mesh(asset: Asset) -> TriangleMesh:
+    """The triangle mesh of an asset, all its parts at their places. Errors: MeshError for one without a triangle."""
     mesh = asset.mesh()
     if not mesh.has_triangles():
         raise _without_triangles(asset, mesh)
@@ -153,6 +157,7 @@ __all__ = [
     "read_points",
     "read_shape",
     "replacing",
+    "whole_mesh",
     "write_mesh",
     "write_shape",
 ]

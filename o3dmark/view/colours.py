@@ -70,8 +70,9 @@ def painted(points: Floats, normals: Floats, patches: Sequence[Patch], material:
     rgb = np.tile(material, (len(points), 1))
     for patch in patches:
         inner = patch._replace(radius=(1.0 - RIM_WIDTH) * patch.radius)
-        rgb[patch.holds(points)] = PATCH
-        rgb[patch.holds(points) & ~inner.holds(points) & (np.abs(normals @ patch.axis) > WALL)] = RIM
+        inside = patch.holds(points)
+        rgb[inside] = PATCH
+        rgb[inside & ~inner.holds(points) & (np.abs(normals @ patch.axis) > WALL)] = RIM
     return rgb
 
 

@@ -19,6 +19,7 @@ from numba import njit
 
 from o3dmark.arrays import Bools, Complexes, Floats, Ints
 from o3dmark.mesh import geometry
+from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._threads import in_parts
 from o3dmark.methods.local_patches.disk import DiskFunctions
@@ -96,6 +97,11 @@ class Patches(NamedTuple):
         u, v, up = rows.transpose(1, 0, 2)
         u, v = (1.0 + growth + along) * u + slanting * v, slanting * u + (1.0 + growth - along) * v
         return np.ascontiguousarray(np.stack([u, v, (1.0 + growth) * up], axis=1))
+
+    @property
+    def cylinder(self) -> Patch:
+        """The one patch that there is, its strain left aside."""
+        return Patch(self.centre[0], self.axis[0], float(self.radius), float(self.form.half_height * self.radius))
 
     @property
     def reach(self) -> float:
@@ -227,8 +233,7 @@ def _measured(kernel: Callable[..., None], grid: Grid, patches: Patches, order: 
 def held(points: Floats, patches: Patches) -> Ints:
     """Which points (q, 3) lie in the cylinder of the one patch (k,)."""
     near = np.flatnonzero((np.abs(points - patches.centre[0]) < patches.reach).all(axis=1))
-    offset = (points[near] - patches.centre[0]) @ patches.charts()[0].T
-    return near[(np.hypot(offset[:, 0], offset[:, 1]) < 1.0) & (np.abs(offset[:, 2]) < patches.form.half_height)]
+    return near[patches.cylinder.holds(points[near])]
 
 
 def answers(points: Floats, patches: Patches, functions: DiskFunctions) -> Complexes:

@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike
 from o3dmark.coding.detection import together
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
-from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
@@ -199,7 +198,7 @@ def _told(hits: Sequence[Hit], candidates: Sequence[Hit], n_bits: int) -> Extrac
     readings = np.array([soft, *alone])
     kinds = {hit.share.kind for hit in hits}
     surest = [min(hit.log10_p for hit in hits if hit.share.kind == kind) for kind in kinds]
-    spoke = tuple(_patch(hit) for hit in believed(hits))
+    spoke = tuple(hit.patch.cylinder for hit in believed(hits))
     words = f"{len(spoke)} patch" + "es" * (len(spoke) > 1) if spoke else ""
     return Extraction(
         soft,
@@ -212,9 +211,3 @@ def _told(hits: Sequence[Hit], candidates: Sequence[Hit], n_bits: int) -> Extrac
         log10_p=together(surest) if hits else 0.0,
         patches=spoke,
     )
-
-
-def _patch(hit: Hit) -> Patch:
-    """Where a hit is; to what welding moved, in the coordinates of the mesh that was received."""
-    found = hit.patch
-    return Patch(found.centre[0], found.axis[0], float(found.radius), float(found.form.half_height * found.radius))
