@@ -15,7 +15,7 @@ grows instead where the areas are taken to be constant). The extreme distances a
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -28,8 +28,8 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._distortion import OutOfReachError
-from o3dmark.methods._norm_bins import SPREAD, VERTICES_PER_BIT, Bins, Mean, check_filled
-from o3dmark.methods._published import Deal, PublishedMethod
+from o3dmark.methods._norm_bins import SPREAD, Bins, BinsMethod, Mean, check_filled
+from o3dmark.methods._published import Deal
 
 _MOST_ROUNDS, _MOST_HALVINGS = 12, 4  # of linearisation, and of a step that leaves more of a violation than there was
 _TOLERANCE = 1e-3  # what is left of a violation, in bin widths
@@ -197,11 +197,8 @@ def area_growth(surface: Surface, ways: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class BinProgrammeMethod(PublishedMethod):
+class BinProgrammeMethod(BinsMethod):
     """A bit in the mean of each bin of distances to the surface's centre, written at the least cost."""
-
-    least: ClassVar[float] = 1e-3
-    largest: ClassVar[float] = 0.45
 
     @abc.abstractmethod
     def directions(self, surface: Surface) -> Floats:
@@ -210,10 +207,6 @@ class BinProgrammeMethod(PublishedMethod):
     @abc.abstractmethod
     def costs(self, surface: Surface, directions: Floats) -> Floats:
         """What it costs (n,) to move each vertex along its direction, positive: w_i of the programme."""
-
-    def capacity(self, mesh: Any) -> int:
-        """A bit for every 16 vertices."""
-        return len(Surface.of(mesh).vertices) // VERTICES_PER_BIT
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`."""

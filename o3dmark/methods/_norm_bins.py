@@ -18,6 +18,7 @@ from o3dmark.errors import MeshError
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import Extraction
 from o3dmark.methods._published import Deal, PublishedMethod
+from o3dmark.registry import option
 
 VERTICES_PER_BIT = 16  # on average; bins of the outermost norms have fewer
 SPREAD = 1e-6  # of norms over the largest: below it there is nothing to bin
@@ -201,11 +202,29 @@ class Norms:
 
 
 @dataclass(frozen=True)
-class NormBinsMethod(PublishedMethod):
+class BinsMethod(PublishedMethod):
+    """A bit in a statistic of each bin of some values of the vertices; alpha is the strength."""
+
+    least: ClassVar[float] = 1e-3
+    largest: ClassVar[float] = 0.45
+
+    alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
+
+    @property
+    def strength(self) -> float:
+        """See `PublishedMethod.strength`."""
+        return self.alpha
+
+    def capacity(self, mesh: Any) -> int:
+        """A bit for every 16 vertices."""
+        return len(Surface.of(mesh).vertices) // VERTICES_PER_BIT
+
+
+@dataclass(frozen=True)
+class NormBinsMethod(BinsMethod):
     """A bit in a statistic of each bin of vertex norms, the distances to the mean of the vertices."""
 
     statistic: ClassVar[Statistic]
-    least: ClassVar[float] = 1e-3
 
     def carriers(self, surface: Surface) -> Bools:
         """The vertices (n,) whose norms are binned: all."""

@@ -25,10 +25,5 @@ class Cho2007Mean(NormBinsMethod):
 
     claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
     statistic: ClassVar[Statistic] = Mean()
-    largest: ClassVar[float] = 0.45
 
     alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths; published 0.03 to 0.1")
-
-    @property
-    def strength(self) -> float:
-        return self.alpha

@@ -30,7 +30,3 @@ class Cho2007Variance(NormBinsMethod):
     alpha: float = option(
         0.05, "by how much a bin's variance differs from 1/3, of norms in [-1, 1]; published 0.03 to 0.1"
     )
-
-    @property
-    def strength(self) -> float:
-        return self.alpha

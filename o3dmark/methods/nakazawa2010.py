@@ -31,9 +31,7 @@ class Nakazawa2010(NormBinsMethod):
 
     claims = ("identity", "reorder", "similarity", "noise:amplitude=0.0005", "quantise:bits=11")
     statistic: ClassVar[Statistic] = Mean()
-    largest: ClassVar[float] = 0.45
 
-    alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
     side: Literal["above", "below"] = option("above", "vertices with more saliency than the threshold, or with less")
     share: float = option(0.5, "share of the vertices on that side")
 
@@ -41,10 +39,6 @@ class Nakazawa2010(NormBinsMethod):
         super().__post_init__()
         if not 0 < self.share <= 1:
             raise ValueError(f"share must lie in (0, 1], not {self.share}")
-
-    @property
-    def strength(self) -> float:
-        return self.alpha
 
     def carriers(self, surface: Surface) -> Bools:
         """See `NormBinsMethod.carriers`: the vertices on one side of the threshold."""

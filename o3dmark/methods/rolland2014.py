@@ -34,13 +34,8 @@ class Rolland2014(BinProgrammeMethod):
 
     claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
 
-    alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
     along: Literal["radius", "normal"] = option("radius", "direction in which vertices move")
     weights: Literal["uniform", "roughness", "quadric"] = option("quadric", "what a motion costs")
-
-    @property
-    def strength(self) -> float:
-        return self.alpha
 
     def directions(self, surface: Surface) -> Floats:
         return Distances.of(surface).u if self.along == "radius" else surface.normals

@@ -13,7 +13,6 @@ from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import METHODS
 from o3dmark.methods._bin_program import BinProgrammeMethod, Distances
-from o3dmark.registry import option
 
 _LEAST_SALIENCY = 0.1  # added to saliency over its mean, so that no motion is free
 
@@ -31,12 +30,6 @@ class Son2017(BinProgrammeMethod):
     """
 
     claims = ("identity", "reorder", "similarity", "noise:amplitude=0.003", "quantise:bits=9", "smooth:iterations=5")
-
-    alpha: float = option(0.05, "by how much a bin's mean differs from 1/2, in bin widths")
-
-    @property
-    def strength(self) -> float:
-        return self.alpha
 
     def directions(self, surface: Surface) -> Floats:
         return Distances.of(surface).u

@@ -24,8 +24,8 @@ from o3dmark.coding.keys import Key
 from o3dmark.mesh import curvature
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.methods._norm_bins import VERTICES_PER_BIT, Bins, Mean, check_filled, modulated, soft_bits
-from o3dmark.methods._published import Deal, PublishedMethod
+from o3dmark.methods._norm_bins import Bins, BinsMethod, Mean, check_filled, modulated, soft_bits
+from o3dmark.methods._published import Deal
 from o3dmark.registry import option
 
 _ITERATIONS = 30  # of a least-squares solution: what it leaves is long waves, which cost most and matter least
@@ -81,7 +81,7 @@ class Fluctuations:
 
 @METHODS.register("zhan2014")
 @dataclass(frozen=True)
-class Zhan2014(PublishedMethod):
+class Zhan2014(BinsMethod):
     """A bit in the mean of each bin of curvature fluctuations (Zhan, Li, Yang and Wu 2014); blind.
 
     Invariant to similarities and to the order of vertices and triangles; it needs no centre, so moving a part of the
@@ -94,8 +94,6 @@ class Zhan2014(PublishedMethod):
 
     claims = ("identity", "reorder", "similarity")
     mean: ClassVar[Mean] = Mean()
-    least: ClassVar[float] = 1e-3
-    largest: ClassVar[float] = 0.45
 
     alpha: float = option(0.1, "by how much a bin's mean differs from 1/2, in bin widths")
     window: int = option(2, "averages over the neighbours that make a window")
@@ -105,14 +103,6 @@ class Zhan2014(PublishedMethod):
         super().__post_init__()
         if self.window < 1 or self.steps < 1:
             raise ValueError(f"window and steps must be at least 1, not {self.window} and {self.steps}")
-
-    @property
-    def strength(self) -> float:
-        return self.alpha
-
-    def capacity(self, mesh: Any) -> int:
-        """A bit for every 16 vertices."""
-        return len(Surface.of(mesh).vertices) // VERTICES_PER_BIT
 
     def writer(self, surface: Surface, message: Bits, key: Key) -> Callable[[float], Floats]:
         """See `PublishedMethod.writer`."""
