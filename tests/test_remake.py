@@ -10,6 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.small_campaign import campaign
 from o3dmark.campaign import load, read_rows, spec_file
 
+pytestmark = pytest.mark.usefixtures("own_registries")
+
 
 @pytest.fixture
 def remake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
