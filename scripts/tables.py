@@ -377,6 +377,10 @@ def rivals_head(result: Results, methods: dict[str, list[Entry]]) -> list[str]:
     ]
 
 
+def fragments_table(folder: str) -> str:
+    return grid(*counts.edits([results(folder)], []), left=4)
+
+
 def edits_table() -> str:
     blindly, beside = map(results, EDITS[:2]), map(results, EDITS[2:])
     return grid(*counts.edits([*blindly], [*beside]), left=4)
@@ -416,7 +420,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "wrong keys": (lambda: grid(*counts.wrong_keys([*map(results, CONTROL_FOLDERS)]), left=4), CONTROL_FOLDERS),
     "any mesh results": (lambda: grid(*counts.any_mesh(results("any_mesh")), left=3), ("any_mesh",)),
     "edits": (edits_table, EDITS),
-    "fragments": (lambda: grid(*counts.edits([results("fragments")], []), left=4), ("fragments",)),
+    **{name: (partial(fragments_table, name), (name,)) for name in ("fragments", "fragments_any_scale")},
     "motion": (lambda: grid(*counts.motions(results("motion"), before="least", after="unseen")), ("motion",)),
     "cap and eye": (lambda: grid(*counts.held_back(results("seen"))), ("seen",)),
     "rivals": (rivals_table, ("rivals",)),
