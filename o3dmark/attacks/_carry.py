@@ -5,15 +5,17 @@ Attacks act on a mesh as it is stored, seams and unused vertices included. Geome
 attacks that make a new surface look colours up at the nearest old vertex and drop texture coordinates.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from o3dmark.arrays import Floats, Ints
-from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, triangle_mesh, with_vertices
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh, with_vertices
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 
 def checked_arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -24,7 +26,9 @@ def checked_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 def copied(mesh: Any) -> Any:
     """An equal mesh that shares nothing with ``mesh``."""
-    return mesh.clone() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else TriangleMesh(mesh)
+    import open3d as o3d
+
+    return mesh.clone() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else o3d.geometry.TriangleMesh(mesh)
 
 
 def moved(mesh: Any, vertices: Floats) -> Any:
@@ -33,12 +37,14 @@ def moved(mesh: Any, vertices: Floats) -> Any:
     return with_vertices(mesh, Surface(before, triangles, np.arange(len(before))), vertices)
 
 
-def picked(mesh: Any, vertices: Ints, triangles: Ints, source: Ints) -> TriangleMesh:
+def picked(mesh: Any, vertices: Ints, triangles: Ints, source: Ints) -> "TriangleMesh":
     """A mesh made of elements of ``mesh``, with their attributes.
 
     vertices (n,): the old index of each new vertex; triangles (m, 3): new corners, in new indices and the old cyclic
     order or any other; source (m,): the old index of each new triangle. A tensor mesh comes back as a legacy one.
     """
+    import open3d as o3d
+
     old = legacy(mesh)
     new = triangle_mesh(np.asarray(old.vertices)[vertices], triangles)
     if old.has_vertex_colors():
@@ -55,14 +61,14 @@ def picked(mesh: Any, vertices: Ints, triangles: Ints, source: Ints) -> Triangle
     return new
 
 
-def kept(mesh: Any, keep: NDArray[np.bool_]) -> TriangleMesh:
+def kept(mesh: Any, keep: NDArray[np.bool_]) -> "TriangleMesh":
     """The part of ``mesh`` whose triangles are marked in ``keep`` (m,), without the vertices that none of them uses."""
     _, triangles = mesh_arrays(mesh)
     vertices, corners = np.unique(triangles[keep], return_inverse=True)
     return picked(mesh, vertices, corners.reshape(-1, 3), np.flatnonzero(keep))
 
 
-def made(mesh: Any, vertices: Floats, triangles: Ints, colours: Floats | None = None) -> TriangleMesh:
+def made(mesh: Any, vertices: Floats, triangles: Ints, colours: Floats | None = None) -> "TriangleMesh":
     """A new surface in the place of ``mesh``: vertices (n, 3), triangles (m, 3).
 
     It is coloured by ``colours`` (n, 3) or, without them, by the nearest vertex of ``mesh``, if that has colours.
@@ -84,17 +90,23 @@ def colours_of(mesh: Any) -> Floats | None:
     return np.array(old.vertex_colors, np.float64) if old.has_vertex_colors() else None
 
 
-def legacy(mesh: Any) -> TriangleMesh:
+def legacy(mesh: Any) -> "TriangleMesh":
     """The mesh as a legacy TriangleMesh: itself, or a tensor mesh converted."""
+    import open3d as o3d
+
     return mesh.to_legacy() if isinstance(mesh, o3d.t.geometry.TriangleMesh) else mesh
 
 
 def _vectors(rows: Floats) -> Any:
+    import open3d as o3d
+
     return o3d.utility.Vector3dVector(np.array(rows, np.float64, order="C"))
 
 
-def _picked_uvs(old: TriangleMesh, corners: Ints, source: Ints) -> Any:
+def _picked_uvs(old: "TriangleMesh", corners: Ints, source: Ints) -> Any:
     """Texture coordinates follow their corner of the source triangle, wherever that corner stands now."""
+    import open3d as o3d
+
     uvs = np.asarray(old.triangle_uvs).reshape(-1, 3, 2)[source]
     place = np.argmax(np.asarray(old.triangles)[source][:, None, :] == corners[:, :, None], axis=2)
     return o3d.utility.Vector2dVector(np.take_along_axis(uvs, place[:, :, None], axis=1).reshape(-1, 2))

@@ -9,7 +9,6 @@ comes from `proximity`, the cubes from Open3D (Flying Edges); memory goes with t
 from collections.abc import Iterator
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from o3dmark.arrays import Floats, Ints
@@ -99,6 +98,8 @@ def _pseudonormals(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def _marched(nodes: Ints, distance: Floats, shape: Ints) -> Iterator[tuple[Floats, Ints]]:
     """Slab by slab, vertices (n, 3) in cells and triangles (m, 3) of the cells with all corners within reach."""
+    import open3d as o3d
+
     nodes, distance = nodes[np.abs(distance) <= _REACH], distance[np.abs(distance) <= _REACH]
     value = np.copysign(np.maximum(np.abs(distance), _LEAST), distance)
     for start in range(0, int(shape[2]) - 1, _SLAB):

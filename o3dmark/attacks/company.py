@@ -5,10 +5,9 @@ The surface itself stays as it is. What is added is grey where there are colours
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.attacks import ATTACKS, Attack, _meshlab
@@ -16,8 +15,11 @@ from o3dmark.attacks._carry import checked_arrays, colours_of, copied, made
 from o3dmark.attacks.geometry import random_direction, random_rotation
 from o3dmark.mesh import geometry
 from o3dmark.mesh.rays import scene_of
-from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
+from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.registry import option
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 Arrays = tuple[Floats, Ints]
 
@@ -204,18 +206,20 @@ class Pedestal(Attack):
         return made(mesh, *_meshlab.union(surface.vertices, surface.triangles, plate, corners))
 
 
-def primitive(name: str) -> TriangleMesh:
+def primitive(name: str) -> "TriangleMesh":
     """One of Open3D's primitives, in some hundred to some thousand triangles."""
+    import open3d as o3d
+
     makers = {
-        "torus": lambda: TriangleMesh.create_torus(1.0, 0.4, 60, 30),
-        "sphere": lambda: TriangleMesh.create_sphere(1.0, 30),
-        "box": lambda: TriangleMesh.create_box().subdivide_midpoint(4),
-        "cone": lambda: TriangleMesh.create_cone(1.0, 2.0, 40, 10),
+        "torus": lambda: o3d.geometry.TriangleMesh.create_torus(1.0, 0.4, 60, 30),
+        "sphere": lambda: o3d.geometry.TriangleMesh.create_sphere(1.0, 30),
+        "box": lambda: o3d.geometry.TriangleMesh.create_box().subdivide_midpoint(4),
+        "cone": lambda: o3d.geometry.TriangleMesh.create_cone(1.0, 2.0, 40, 10),
     }
     return makers[name]()
 
 
-def _with(mesh: Any, others: Sequence[Arrays], colours: Floats | None = None) -> TriangleMesh:
+def _with(mesh: Any, others: Sequence[Arrays], colours: Floats | None = None) -> "TriangleMesh":
     """The mesh and others in one; these grey, unless they have ``colours``."""
     vertices, triangles = mesh_arrays(mesh)
     start = np.cumsum([len(vertices), *(len(other) for other, _ in others)])[:-1]
@@ -230,9 +234,11 @@ def _with(mesh: Any, others: Sequence[Arrays], colours: Floats | None = None) ->
 
 def _base(vertices: Floats, depth: float = 0.0) -> Arrays:
     """A box a little wider than the object, that its lowest vertex stands on, or ``depth`` below its top."""
+    import open3d as o3d
+
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     margin, thickness = 0.1 * (high - low).max(), 0.05 * (high - low).max()
-    box, triangles = mesh_arrays(TriangleMesh.create_box().subdivide_midpoint(3))
+    box, triangles = mesh_arrays(o3d.geometry.TriangleMesh.create_box().subdivide_midpoint(3))
     size = np.array([*(high - low)[:2] + 2.0 * margin, thickness + depth])
     return np.array([*low[:2] - margin, low[2] - thickness]) + box * size, triangles
 
@@ -245,7 +251,9 @@ def _grid(count: int) -> Floats:
 
 
 def _ball(resolution: int = 10) -> Arrays:
-    return mesh_arrays(TriangleMesh.create_sphere(1.0, resolution))
+    import open3d as o3d
+
+    return mesh_arrays(o3d.geometry.TriangleMesh.create_sphere(1.0, resolution))
 
 
 def _centre(vertices: Floats) -> Floats:
@@ -254,6 +262,8 @@ def _centre(vertices: Floats) -> Floats:
 
 def _deepest(vertices: Floats, triangles: Ints, rng: np.random.Generator) -> Floats:
     """Of points drawn in the box the one furthest inside (3,)."""
+    import open3d as o3d
+
     centre, diagonal = _centre(vertices), geometry.diagonal(vertices)
     scene = scene_of((vertices - centre) / diagonal, triangles)
     reach = np.ptp(vertices, axis=0) / diagonal / 2.0

@@ -1,7 +1,7 @@
 """Attacks that leave only a part: cropping, holes, and a fragment pasted beside a foreign object."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import scipy.sparse.csgraph
@@ -13,8 +13,11 @@ from o3dmark.attacks.company import primitive
 from o3dmark.attacks.geometry import Similarity, random_direction
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
+from o3dmark.mesh.surface import mesh_arrays
 from o3dmark.registry import option
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 
 @ATTACKS.register("crop")
@@ -112,7 +115,7 @@ class Paste(Attack):
         return made(fragment, np.concatenate([vertices, other]), corners, colours)
 
 
-def _without(mesh: Any, gone: NDArray[np.int64], what: str) -> TriangleMesh:
+def _without(mesh: Any, gone: NDArray[np.int64], what: str) -> "TriangleMesh":
     vertices, triangles = mesh_arrays(mesh)
     marked = np.zeros(len(vertices), bool)
     marked[gone] = True
@@ -122,7 +125,7 @@ def _without(mesh: Any, gone: NDArray[np.int64], what: str) -> TriangleMesh:
     return kept(mesh, stays)
 
 
-def _largest_piece(mesh: Any) -> TriangleMesh:
+def _largest_piece(mesh: Any) -> "TriangleMesh":
     """The connected piece, seams closed, with the most vertices."""
     vertices, triangles = mesh_arrays(mesh)
     place = geometry.weld(vertices)[1]

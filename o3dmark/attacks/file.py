@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark import files
 from o3dmark.attacks import ATTACKS, Attack
@@ -71,6 +70,8 @@ class Reformat(Attack):
     format: Literal["ply", "ply-ascii", "obj", "off", "stl", "glb"] = option("obj", "file format")
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
+        import open3d as o3d
+
         checked_arrays(mesh)
         with tempfile.TemporaryDirectory(prefix="o3dmark-") as folder:
             path = Path(folder) / f"mesh.{self.format.removesuffix('-ascii')}"

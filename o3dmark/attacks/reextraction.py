@@ -5,10 +5,9 @@ Colours are those of the nearest old vertex, texture coordinates are dropped.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dmark.attacks import ATTACKS, Attack
@@ -18,8 +17,11 @@ from o3dmark.attacks.sampling import sampled_points, scanned_points
 from o3dmark.errors import BackendError
 from o3dmark.mesh.reconstruction import poisson
 from o3dmark.mesh.similarity import UnitSize
-from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import Surface, mesh_arrays, triangle_mesh
 from o3dmark.registry import option
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 
 @ATTACKS.register("resample")
@@ -59,7 +61,7 @@ class Poisson(Attack):
         _check(self.points, self.depth, self.trim)
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
-        def build(unit: TriangleMesh) -> TriangleMesh:
+        def build(unit: "TriangleMesh") -> "TriangleMesh":
             return _trimmed_poisson(sampled_points(unit, rng, self.points), self.depth, self.trim)
 
         return _rebuilt(mesh, build)
@@ -92,7 +94,7 @@ class Rescan(Attack):
             raise ValueError("wants noise >= 0 and views >= 1")
 
     def attack(self, mesh: Any, rng: np.random.Generator) -> Any:
-        def build(unit: TriangleMesh) -> TriangleMesh:
+        def build(unit: "TriangleMesh") -> "TriangleMesh":
             cloud = scanned_points(unit, rng, self.points, self.noise, self.views)
             return _pivoted(cloud) if self.surface == "pivot" else _trimmed_poisson(cloud, self.depth, self.trim)
 
@@ -104,7 +106,7 @@ def _check(points: int, depth: int, trim: float) -> None:
         raise ValueError("wants points >= 100, depth 3 to 11 and trim >= 0")
 
 
-def _rebuilt(mesh: Any, build: Callable[[TriangleMesh], TriangleMesh]) -> TriangleMesh:
+def _rebuilt(mesh: Any, build: "Callable[[TriangleMesh], TriangleMesh]") -> "TriangleMesh":
     """What ``build`` makes of a mesh that is brought to the origin and to a diagonal of one, in the place of ``mesh``.
 
     Open3D's Poisson reconstruction computes in float32, and its ball pivoting knows no ball below a millionth.
@@ -115,7 +117,7 @@ def _rebuilt(mesh: Any, build: Callable[[TriangleMesh], TriangleMesh]) -> Triang
     return made(mesh, unit.undo(vertices), triangles)
 
 
-def _trimmed_poisson(cloud: PointCloud, depth: int, trim: float) -> TriangleMesh:
+def _trimmed_poisson(cloud: "PointCloud", depth: int, trim: float) -> "TriangleMesh":
     """The Poisson surface of oriented points, without what is further than ``trim`` diagonals from all of them.
 
     Not even the largest gap between evenly drawn points is trimmed: it is about three times their mean spacing.
@@ -129,12 +131,14 @@ def _trimmed_poisson(cloud: PointCloud, depth: int, trim: float) -> TriangleMesh
     return kept(built, stays) if stays.any() else built
 
 
-def _pivoted(cloud: PointCloud) -> TriangleMesh:
+def _pivoted(cloud: "PointCloud") -> "TriangleMesh":
     """The surface that balls of twice and four times the mean spacing roll over."""
+    import open3d as o3d
+
     spacing = float(np.mean(cloud.compute_nearest_neighbor_distance()))
     radii = o3d.utility.DoubleVector([2.0 * spacing, 4.0 * spacing])
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        built = TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, radii)
+        built = o3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, radii)
     if not built.has_triangles():
         raise BackendError(f"Open3D's ball pivoting of {len(cloud.points)} points has no triangle")
     return built

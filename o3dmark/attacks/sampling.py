@@ -1,10 +1,9 @@
 """Oriented points from a mesh: drawn evenly, or as a scanner sees it."""
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.arrays import Bools, Floats
 from o3dmark.attacks.geometry import random_rotation
@@ -13,21 +12,24 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.rays import scene_of
 from o3dmark.mesh.sampling import sampled
 from o3dmark.mesh.similarity import UnitSize
-from o3dmark.mesh.surface import PointCloud, Surface, point_cloud
+from o3dmark.mesh.surface import Surface, point_cloud
 from o3dmark.solid.closing import oriented
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import PointCloud
 
 _ROUNDS = 50  # of drawing candidates before the scan takes what it has; shapes in the open take two to five
 _LIFT = 1e-4  # over the diagonal: rays start off the surface, or float32 would let it hide its own points
 
 
-def sampled_points(mesh: Any, rng: np.random.Generator, points: int) -> PointCloud:
+def sampled_points(mesh: Any, rng: np.random.Generator, points: int) -> "PointCloud":
     """``points`` positions uniform on the surface, each with the unit normal of its triangle."""
     return point_cloud(*_oriented_points(Surface.of(mesh), points, rng))
 
 
 def scanned_points(
     mesh: Any, rng: np.random.Generator, points: int = 30_000, noise: float = 5e-4, views: int = 8
-) -> PointCloud:
+) -> "PointCloud":
     """The oriented points of a simulated scan of a mesh.
 
     ``views`` scanners stand far away, evenly about the mesh and turned at random. Each sees only what faces it and is
@@ -73,5 +75,7 @@ def _directions(count: int) -> Floats:
 
 def _unhidden(scene: Any, origins: Floats, sight: Floats) -> Bools:
     """True (n,) where nothing lies between a point (n, 3) and the scanner far away along ``sight`` (n, 3)."""
+    import open3d as o3d
+
     rays = np.hstack([origins, sight]).astype(np.float32)
     return ~np.asarray(scene.test_occlusions(o3d.core.Tensor(rays)).numpy(), bool)

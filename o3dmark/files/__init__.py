@@ -9,6 +9,7 @@ _open3d      meshes in memory, and point clouds
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,10 @@ from o3dmark.files.stl import Stl
 from o3dmark.files.threemf import ThreeMf
 from o3dmark.files.usd import Usd
 from o3dmark.files.writing import Destination, check_free, destination, replacing
-from o3dmark.mesh.surface import PointCloud, TriangleMesh, is_cloud, legacy_cloud, legacy_mesh
+from o3dmark.mesh.surface import is_cloud, legacy_cloud, legacy_mesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 ASSETS: dict[str, type[Asset]] = {
     ".ply": Ply,
@@ -58,7 +62,7 @@ def open_asset(source: str | Path | Source) -> Asset:
     return ASSETS[suffix](source)
 
 
-def read_mesh(path: str | Path) -> TriangleMesh:
+def read_mesh(path: str | Path) -> "TriangleMesh":
     """The triangle mesh in a file, all its parts at their places, in double precision where the file has it.
 
     Errors: MeshError when the file is missing, of another kind, damaged, or holds no triangle.
@@ -66,7 +70,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     return whole_mesh(open_asset(path))
 
 
-def whole_mesh(asset: Asset) -> TriangleMesh:
+def whole_mesh(asset: Asset) -> "TriangleMesh":
     """The triangle mesh of an asset, all its parts at their places. Errors: MeshError for one without a triangle."""
     mesh = asset.mesh()
     if not mesh.has_triangles():
@@ -74,7 +78,7 @@ def whole_mesh(asset: Asset) -> TriangleMesh:
     return mesh
 
 
-def read_points(path: str | Path) -> PointCloud:
+def read_points(path: str | Path) -> "PointCloud":
     """The point cloud in a file, with its normals if it has them. Errors: MeshError as in `read_mesh`."""
     path = Path(path)
     Source(path).check_there()
@@ -88,7 +92,7 @@ def read_points(path: str | Path) -> PointCloud:
     return cloud
 
 
-def open_shape(path: str | Path) -> Asset | PointCloud:
+def open_shape(path: str | Path) -> "Asset | PointCloud":
     """A file as an asset, or its points where it has no triangle. Errors: MeshError as in `read_mesh`."""
     path = Path(path)
     suffix = path.suffix.lower()
@@ -102,13 +106,13 @@ def open_shape(path: str | Path) -> Asset | PointCloud:
     raise _without_triangles(asset, asset.mesh())
 
 
-def read_shape(path: str | Path) -> TriangleMesh | PointCloud:
+def read_shape(path: str | Path) -> "TriangleMesh | PointCloud":
     """The mesh in a file, or its points where it has no triangle. Errors: MeshError as in `read_mesh`."""
     shape = open_shape(path)
     return shape.mesh() if isinstance(shape, Asset) else shape
 
 
-def _without_triangles(asset: Asset, mesh: TriangleMesh) -> MeshError:
+def _without_triangles(asset: Asset, mesh: "TriangleMesh") -> MeshError:
     what = f"{len(mesh.vertices)} vertices and no triangle" if mesh.has_vertices() else "no mesh"
     return MeshError(f"{asset.name} holds {what}")
 

@@ -4,21 +4,26 @@ Open3D reads float32, merges and repeats vertices, and has its own order of the 
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 from scipy.spatial import cKDTree
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.files import _open3d
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays
+from o3dmark.mesh.surface import mesh_arrays
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 _FLOAT32 = 2e-6  # of the largest coordinate: what transforms in float32 add up to
 
 
-def dressed(path: Path, exact: TriangleMesh) -> TriangleMesh | None:
+def dressed(path: Path, exact: "TriangleMesh") -> "TriangleMesh | None":
     """What Open3D reads at ``path``, at the positions of ``exact``; None where it has not the same triangles."""
+    import open3d as o3d
+
     mesh = _open3d.read(path)
     found, corners = mesh_arrays(mesh)
     vertices, triangles = mesh_arrays(exact)

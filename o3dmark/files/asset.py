@@ -12,14 +12,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.references import Source
-from o3dmark.mesh.surface import TriangleMesh, float_steps, triangle_mesh
+from o3dmark.mesh.surface import float_steps, triangle_mesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 Moved: TypeAlias = Mapping[int, Floats]
 """For the number of a part its new vertices (n, 3), in the order of `Part.vertices`."""
@@ -115,13 +118,15 @@ class Asset(ABC):
         Errors: MeshError for a fixed part.
         """
 
-    def mesh(self) -> TriangleMesh:
+    def mesh(self) -> "TriangleMesh":
         """All parts as one Open3D mesh, each at all its places; with the attributes that Open3D has a word for, if any.
 
         Positions are the file's, in double precision.
         """
+        import open3d as o3d
+
         vertices, triangles = self.placed()
-        return triangle_mesh(vertices, triangles) if len(vertices) else TriangleMesh()
+        return triangle_mesh(vertices, triangles) if len(vertices) else o3d.geometry.TriangleMesh()
 
     def placed(self) -> tuple[Floats, Ints]:
         """All parts at all their places, as one list of vertices (n, 3) and one of triangles (m, 3)."""

@@ -11,7 +11,7 @@ from o3dmark.errors import MeshError, SpecError
 from o3dmark.files import Asset, Part
 from o3dmark.marking.embedding import mesh_of
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import Surface, check_precision, triangle_mesh
+from o3dmark.mesh.surface import MeshArrays, Surface, check_precision
 from o3dmark.profiles import ONE_LAYER
 from o3dmark.watermark import Watermark
 
@@ -58,7 +58,7 @@ def _holds(part: Part, watermark: Watermark, message: str, key: Key) -> bool:
         if watermark.method.capacity(mesh) < watermark.n_bits:
             return False
         marked = np.asarray(watermark.embed(mesh, message, key).vertices)
-        written = triangle_mesh(_rounded(marked, part.steps), part.triangles)
+        written = MeshArrays(_rounded(marked, part.steps), part.triangles)
         return watermark.extract(written, key).message == message
     except (MeshError, SpecError):
         return False

@@ -17,7 +17,7 @@ from o3dmark.errors import ConversionError, MeshError
 from o3dmark.files import Asset, Part, Source, convert, open_asset
 from o3dmark.marking.views import views
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, check_precision, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import MeshArrays, check_precision, mesh_arrays
 from o3dmark.watermark import Watermark
 
 _COARSE = 1 / 4096  # of the diagonal: numbers further apart, 12 bits, are named where a mark cannot be read back
@@ -57,10 +57,10 @@ class Marked:
         """The parts that were marked."""
         return [self.asset.parts[number] for number in self.moved]
 
-    def pairs(self) -> list[tuple[TriangleMesh, TriangleMesh]]:
+    def pairs(self) -> list[tuple[MeshArrays, MeshArrays]]:
         """For each marked part its mesh before and after."""
         return [
-            (mesh_of(self.asset.parts[number]), triangle_mesh(vertices, self.asset.parts[number].triangles))
+            (mesh_of(self.asset.parts[number]), MeshArrays(vertices, self.asset.parts[number].triangles))
             for number, vertices in self.moved.items()
         ]
 
@@ -187,9 +187,9 @@ class Edition:
         return replace(marked, files=done.files, dropped=done.dropped)
 
 
-def mesh_of(part: Part) -> TriangleMesh:
-    """A part as an Open3D mesh, in its own frame."""
-    return triangle_mesh(part.vertices, part.triangles)
+def mesh_of(part: Part) -> MeshArrays:
+    """A part as a mesh, in its own frame."""
+    return MeshArrays(part.vertices, part.triangles)
 
 
 def _unread(part: Part) -> str:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from o3dmark.coding.keys import Key
 from o3dmark.marking.embedding import Marked
-from o3dmark.mesh.surface import triangle_mesh
+from o3dmark.mesh.surface import MeshArrays
 from o3dmark.watermark import Watermark
 
 
@@ -34,7 +34,7 @@ def layers_read(marked: Marked, watermark: Watermark, message: str | ArrayLike, 
         part = marked.asset.parts[number]
         for name, method in watermark.method.layers.items():
             alone = replace(watermark, method=method.quick)
-            extraction = alone.extract_bits(triangle_mesh(vertices, part.triangles), key)
+            extraction = alone.extract_bits(MeshArrays(vertices, part.triangles), key)
             if isinstance(message, str):
                 read = alone.decode(extraction, key).message == message
             else:

@@ -16,7 +16,7 @@ from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
 from o3dmark.files import STAYS, Asset, Part
 from o3dmark.mesh.patch import Patch
-from o3dmark.mesh.surface import Surface, is_cloud, triangle_mesh
+from o3dmark.mesh.surface import MeshArrays, Surface, is_cloud
 from o3dmark.methods import Extraction, Method
 
 _MOST = 16  # parts: each may take as long as a reading that finds nothing
@@ -60,11 +60,11 @@ def _parts(received: Any) -> list[View]:
     if not others:
         return [_of_part(largest)]
     smaller = [_of_part(part) for part in others if len(part.vertices) >= _FEWEST_VERTICES]
-    return [_of_part(largest), *smaller[: _MOST - 2], View("all of it", received.mesh())]
+    return [_of_part(largest), *smaller[: _MOST - 2], View("all of it", MeshArrays(*received.placed()))]
 
 
 def _of_part(part: Part) -> View:
-    return View(part.name, triangle_mesh(part.vertices, part.triangles), part.placements)
+    return View(part.name, MeshArrays(part.vertices, part.triangles), part.placements)
 
 
 def _pieces(whole: View) -> list[View]:

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import open3d as o3d
 from scipy.spatial import cKDTree
 
 from o3dmark.arrays import Floats, Ints
@@ -120,6 +119,8 @@ class _Cloud:
     @cached_property
     def features(self) -> Floats:
         """Fast point feature histograms (n, 33), each of unit length."""
+        import open3d as o3d
+
         cloud = point_cloud(self.points / self.unit, self.normals)
         search = o3d.geometry.KDTreeSearchParamHybrid(_FEATURE_RADIUS, 400)
         histograms = np.asarray(o3d.pipelines.registration.compute_fpfh_feature(cloud, search).data).T

@@ -5,7 +5,6 @@ not matter, nor which way a triangle is wound.
 """
 
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
@@ -38,6 +37,8 @@ def pieces(surface: Surface) -> Ints:
 
 def within(surface: Surface, piece: Ints, count: int) -> Bools:
     """Of the first ``count`` pieces (count,): whether most of it lies within another of these."""
+    import open3d as o3d
+
     scene = scene_of(surface.vertices, surface.triangles[piece < count])
     kept = np.flatnonzero(piece < count)
     rng = np.random.default_rng(0)
@@ -60,6 +61,8 @@ def within(surface: Surface, piece: Ints, count: int) -> Bools:
 
 def seen(surface: Surface) -> Bools:
     """Which triangles (m,) are seen from outside, from either side, in some of many directions."""
+    import open3d as o3d
+
     m = len(surface.triangles)
     count = int(np.clip(_RAYS // max(m, 1), _FEWEST_DIRECTIONS, _MOST_DIRECTIONS))
     scene, found = scene_of(surface.vertices, surface.triangles), np.zeros(m, bool)

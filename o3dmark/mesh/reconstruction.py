@@ -3,20 +3,24 @@
 The door to Open3D's, which computes in float32 and so gets points about the origin, of size one.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import open3d as o3d
 
 from o3dmark.errors import BackendError, MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.similarity import UnitSize
-from o3dmark.mesh.surface import PointCloud, Surface, TriangleMesh, point_cloud
+from o3dmark.mesh.surface import Surface, point_cloud
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 _MIN_POINTS = 1000  # fewer show no shape worth reading: the mark of bimba takes 4 000, that of cup 8 000
 _NEIGHBOURS = 30  # by which estimated normals are oriented alike: the value of Open3D's documentation
 _MANY = 400_000  # points that may fill cells half as large: 100 000 give the same surface with either
 
 
-def surface_of_points(cloud: PointCloud) -> Surface:
+def surface_of_points(cloud: "PointCloud") -> Surface:
     """The surface of a point cloud (Open3D's), which stays as it is.
 
     Normals are taken as they are, pointing outward; a cloud without any has them estimated, and oriented alike along a
@@ -37,14 +41,16 @@ def surface_of_points(cloud: PointCloud) -> Surface:
     return surface.moved(frame.undo(surface.vertices))
 
 
-def poisson(cloud: PointCloud, depth: int) -> TriangleMesh:
+def poisson(cloud: "PointCloud", depth: int) -> "TriangleMesh":
     """The Poisson surface of oriented points of about size one; the longest side has about 2^depth cells.
 
     Errors: BackendError if it has no triangle.
     """
+    import open3d as o3d
+
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         # one thread: with more, sums come in another order and the same points give another mesh
-        built, _ = TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+        built, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
     if not built.has_triangles():
         raise BackendError(f"Open3D's Poisson reconstruction of {len(cloud.points)} points has no triangle")
     return built

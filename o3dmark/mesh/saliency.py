@@ -22,7 +22,6 @@ from typing import Any
 
 import numba
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sp
 
 from o3dmark.arrays import Floats, Ints
@@ -69,6 +68,8 @@ class Saliency:
         return np.abs(means[: len(sigmas)] - means[len(sigmas) :])
 
     def _of_cloud(self, cloud: Any) -> Floats:
+        import open3d as o3d
+
         points = np.array(cloud.points, np.float64)
         if len(points) <= _CLOUD_NEIGHBOURS:
             raise MeshError(
@@ -108,6 +109,8 @@ def gaussian_means(points: Floats, values: Floats, sigmas: Floats) -> Floats:
     as the largest window; one radius search of Open3D's KD-tree around a cluster serves all of its points and all
     sigmas. Time grows with the number of pairs in the largest window, memory stays linear in n.
     """
+    import open3d as o3d
+
     cutoffs, inverse = np.unique(2.0 * np.asarray(sigmas, np.float64), return_inverse=True)
     scale = geometry.diagonal(points) or 1.0
     points = np.ascontiguousarray(UnitSize(points.mean(axis=0), scale).apply(points))
@@ -197,6 +200,8 @@ def _mean_of_other_peaks(level: Floats, neighbours: sp.csr_array) -> float:
 
 def _nearest(points: Floats, count: int) -> Ints:
     """The ``count`` nearest other points (n, count) by index, nearest first."""
+    import open3d as o3d
+
     search = o3d.core.nns.NearestNeighborSearch(o3d.core.Tensor(points), o3d.core.int64)
     search.knn_index()
     found, _ = search.knn_search(o3d.core.Tensor(points), count + 1)

@@ -3,15 +3,17 @@
 A `Surface` is what the mathematics sees of a mesh: vertices at equal positions welded into one, so that texture seams
 and triangle soups neither open nor split; vertices that no triangle uses, and degenerate triangles (a repeated
 corner, a repeated triangle), left out. `with_vertices` carries new positions back to every original vertex, and
-colours, texture coordinates and materials go through untouched.
+colours, texture coordinates and materials go through untouched. Who has no more than arrays, as from a file, gives and
+gets `MeshArrays`; Open3D, which takes half a second to import, is then not needed.
 """
 
+import sys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
-import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -22,8 +24,27 @@ from o3dmark.mesh.normals import turned
 
 _COARSEST = 1 / 256  # of the diagonal: coordinates of 8 bits still hold every bit (results/), of 7 bits not always
 
-TriangleMesh: TypeAlias = o3d.geometry.TriangleMesh
-PointCloud: TypeAlias = o3d.geometry.PointCloud
+if TYPE_CHECKING:
+    import open3d as o3d
+
+    TriangleMesh: TypeAlias = o3d.geometry.TriangleMesh
+    PointCloud: TypeAlias = o3d.geometry.PointCloud
+
+
+def __getattr__(name: str) -> Any:
+    """`TriangleMesh` and `PointCloud`, Open3D's, when somebody asks for them."""
+    if name not in ("TriangleMesh", "PointCloud"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import open3d as o3d
+
+    return getattr(o3d.geometry, name)
+
+
+class MeshArrays(NamedTuple):
+    """A mesh without Open3D: vertices (n, 3) float64 and triangles (m, 3) int64, as they stand, nothing welded."""
+
+    vertices: Floats
+    triangles: Ints
 
 
 class Facets:
@@ -67,7 +88,9 @@ class Surface(Facets):
 
     @classmethod
     def of(cls, mesh: Any) -> "Surface":
-        """The surface of an Open3D triangle mesh, legacy or tensor, of any device and precision; a surface as it is.
+        """The surface of a triangle mesh: arrays, or Open3D's, legacy or tensor, of any device and precision.
+
+        A surface comes back as it is.
 
         Errors: MeshError with no triangle, an index out of range, a coordinate that is not finite, or no area.
         """
@@ -135,38 +158,53 @@ class Surface(Facets):
         return geometry.neighbour_mean(self.triangles, len(self.vertices))
 
 
-def mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) float64 and triangles (m, 3) int64 of an Open3D triangle mesh, as they are, copied."""
-    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+def mesh_arrays(mesh: Any) -> MeshArrays:
+    """Vertices (n, 3) float64 and triangles (m, 3) int64 of a mesh, Open3D's or of arrays, as they are, copied."""
+    if _is(mesh, "t.geometry.TriangleMesh"):
         if "positions" not in mesh.vertex or "indices" not in mesh.triangle:
             raise MeshError("the tensor mesh has no vertices, or no triangles")
-        return _numbers(mesh.vertex.positions), mesh.triangle.indices.cpu().numpy().astype(np.int64)
-    if not isinstance(mesh, o3d.geometry.TriangleMesh):
-        raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
-    return np.array(mesh.vertices, np.float64), np.array(mesh.triangles, np.int64)
+        return MeshArrays(_numbers(mesh.vertex.positions), mesh.triangle.indices.cpu().numpy().astype(np.int64))
+    if not (isinstance(mesh, MeshArrays) or _is(mesh, "geometry.TriangleMesh")):
+        raise _no_mesh(mesh)
+    return MeshArrays(np.array(mesh.vertices, np.float64), np.array(mesh.triangles, np.int64))
 
 
-def legacy_mesh(mesh: Any) -> TriangleMesh:
+def legacy_mesh(mesh: Any) -> "TriangleMesh":
     """A mesh as Open3D's legacy kind, in double precision; a legacy one as it is. Errors: MeshError by its type."""
-    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+    if isinstance(mesh, MeshArrays):
+        return triangle_mesh(*mesh)
+    if _is(mesh, "t.geometry.TriangleMesh"):
         mesh_arrays(mesh)
         return mesh.to_legacy()
-    if not isinstance(mesh, o3d.geometry.TriangleMesh):
-        raise MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+    if not _is(mesh, "geometry.TriangleMesh"):
+        raise _no_mesh(mesh)
     return mesh
 
 
 def is_cloud(shape: Any) -> bool:
     """Whether a shape is a point cloud, of Open3D's legacy or its tensor kind."""
-    return isinstance(shape, o3d.geometry.PointCloud | o3d.t.geometry.PointCloud)
+    return _is(shape, "geometry.PointCloud") or _is(shape, "t.geometry.PointCloud")
 
 
-def legacy_cloud(cloud: Any) -> PointCloud:
+def _is(shape: Any, kind: str) -> bool:
+    """Whether a shape is of that class of Open3D; there is nothing of Open3D's where nobody has imported it."""
+    if "open3d" not in sys.modules:
+        return False
+    import open3d as o3d
+
+    return isinstance(shape, attrgetter(kind)(o3d))
+
+
+def _no_mesh(mesh: Any) -> MeshError:
+    return MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+
+
+def legacy_cloud(cloud: Any) -> "PointCloud":
     """The points, and normals if any, of a legacy or tensor cloud, in double precision; a legacy one as it is.
 
     Errors: MeshError for a tensor cloud without points.
     """
-    if isinstance(cloud, o3d.geometry.PointCloud):
+    if _is(cloud, "geometry.PointCloud"):
         return cloud
     if "positions" not in cloud.point:
         raise MeshError("the tensor cloud has no points")
@@ -175,17 +213,21 @@ def legacy_cloud(cloud: Any) -> PointCloud:
     )
 
 
-def triangle_mesh(vertices: Floats, triangles: Ints) -> TriangleMesh:
+def triangle_mesh(vertices: Floats, triangles: Ints) -> "TriangleMesh":
     """An Open3D mesh from vertices (n, 3) and triangles (m, 3)."""
-    return TriangleMesh(
+    import open3d as o3d
+
+    return o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(np.array(vertices, np.float64, order="C")),
         o3d.utility.Vector3iVector(np.array(triangles, np.int32, order="C")),
     )
 
 
-def point_cloud(points: Floats, normals: Floats | None = None) -> PointCloud:
+def point_cloud(points: Floats, normals: Floats | None = None) -> "PointCloud":
     """An Open3D point cloud from points (n, 3) and, if given, normals (n, 3)."""
-    cloud = PointCloud(o3d.utility.Vector3dVector(np.array(points, np.float64, order="C")))
+    import open3d as o3d
+
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points, np.float64, order="C")))
     if normals is not None:
         cloud.normals = o3d.utility.Vector3dVector(np.array(normals, np.float64, order="C"))
     return cloud
@@ -203,9 +245,17 @@ def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
     after[used] = np.where(
         before[used] == surface.vertices[row], vertices[row], before[used] + (vertices - surface.vertices)[row]
     )
-    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+    if isinstance(mesh, MeshArrays):
+        return MeshArrays(after, triangles)
+    if _is(mesh, "t.geometry.TriangleMesh"):
         return _tensor_with(mesh, before, after, triangles)
-    marked = TriangleMesh(mesh)
+    return _legacy_with(mesh, before, after, triangles)
+
+
+def _legacy_with(mesh: Any, before: Floats, after: Floats, triangles: Ints) -> Any:
+    import open3d as o3d
+
+    marked = o3d.geometry.TriangleMesh(mesh)
     marked.vertices = o3d.utility.Vector3dVector(after)
     if mesh.has_vertex_normals():
         normals = np.asarray(mesh.vertex_normals)
@@ -216,6 +266,8 @@ def with_vertices(mesh: Any, surface: Surface, vertices: Floats) -> Any:
 
 
 def _tensor_with(mesh: Any, before: Floats, after: Floats, triangles: Ints) -> Any:
+    import open3d as o3d
+
     if mesh.vertex.positions.dtype == o3d.core.Dtype.Float32:
         check_precision(float_steps(before), geometry.diagonal(before))
     marked = mesh.clone()
@@ -255,6 +307,8 @@ def _numbers(tensor: Any) -> Floats:
 
 def _like(tensor: Any, values: Floats) -> Any:
     """Values in the type and on the device of a tensor."""
+    import open3d as o3d
+
     return o3d.core.Tensor(np.ascontiguousarray(values)).to(tensor.dtype).to(tensor.device)
 
 

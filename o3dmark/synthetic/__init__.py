@@ -10,15 +10,17 @@ options make the same mesh, bit for bit under the same library versions.
 import abc
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from o3dmark.errors import MeshError
-from o3dmark.mesh.surface import TriangleMesh
 from o3dmark.registry import Registry, option
 from o3dmark.synthetic.field import Field
 from o3dmark.synthetic.isosurface import remesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 SHAPES: "Registry[Shape]" = Registry("shape", __name__)
 
@@ -32,7 +34,7 @@ class Shape(abc.ABC):
     name: ClassVar[str] = ""
 
     @abc.abstractmethod
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         """A new Open3D mesh, y upward, about two units in size, triangles wound outward."""
 
 
@@ -50,11 +52,11 @@ class Sculpture(Shape):
         if self.vertices < 100 or self.seed < 0:
             raise ValueError("vertices must be at least 100, seed at least 0")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         """The individual's mesh. Errors: MeshError when no manifold mesh with so few vertices was found."""
         return self.sculpted()[0]
 
-    def sculpted(self) -> tuple[TriangleMesh, Field]:
+    def sculpted(self) -> "tuple[TriangleMesh, Field]":
         """The individual's mesh, and the implicit solid that it is of. Errors: as in `build`."""
         rng = np.random.default_rng(self.seed)
         for _ in range(_POSES):
@@ -69,7 +71,7 @@ class Sculpture(Shape):
         """The individual as an implicit solid inside the cube [-1.5, 1.5]^3."""
 
 
-def make(spec: str | dict[str, Any] | Shape, seed: int | None = None) -> TriangleMesh:
+def make(spec: str | dict[str, Any] | Shape, seed: int | None = None) -> "TriangleMesh":
     """Build a shape from its spec; ``seed``, if given, replaces the spec's own (primitives have none and ignore it)."""
     shape = SHAPES.make(spec)
     if seed is not None and isinstance(shape, Sculpture):

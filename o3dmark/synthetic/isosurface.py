@@ -6,6 +6,7 @@ leaves more of them where it curves more, and Newton steps bring those that rema
 """
 
 from itertools import permutations
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +14,11 @@ import numpy.typing as npt
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
 from o3dmark.synthetic.field import Field
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 HALF_BOX = 1.5  # every solid lies inside the cube [-1.5, 1.5]^3
 _COARSEST = 0.3  # size of the cells that are refined first: a tenth of the box
@@ -45,7 +49,7 @@ def _triangles_by_case() -> list[tuple[int, Ints]]:
 _CASES = _triangles_by_case()
 
 
-def remesh(field: Field, n_vertices: int, genus: int, detail: int, rng: np.random.Generator) -> TriangleMesh | None:
+def remesh(field: Field, n_vertices: int, genus: int, detail: int, rng: np.random.Generator) -> "TriangleMesh | None":
     """A closed mesh of the surface field = 0 with ``n_vertices`` vertices, decimated from at least ``detail``.
 
     None when the surface has another genus or several pieces, or when no manifold mesh with so few vertices was found.
@@ -64,7 +68,7 @@ def remesh(field: Field, n_vertices: int, genus: int, detail: int, rng: np.rando
     return None
 
 
-def is_sound(mesh: TriangleMesh, genus: int) -> bool:
+def is_sound(mesh: "TriangleMesh", genus: int) -> bool:
     """True for one closed, consistently wound, manifold piece of the given genus."""
     return bool(
         mesh.is_edge_manifold(allow_boundary_edges=False)
@@ -141,7 +145,7 @@ def _shaken(vertices: Floats, triangles: Ints, spacing: float, rng: np.random.Ge
     return mean @ (vertices + _tangential(jitter, geometry.unit(geometry.vertex_area_vectors(vertices, triangles))))
 
 
-def _relaxed(field: Field, mesh: TriangleMesh) -> TriangleMesh:
+def _relaxed(field: Field, mesh: "TriangleMesh") -> "TriangleMesh":
     """A decimated mesh without needles and folds: its vertices relaxed along the surface and brought back onto it."""
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64)
     mean = geometry.neighbour_mean(triangles, len(vertices))

@@ -1,14 +1,18 @@
 """Simple solids, regularly meshed: fixtures whose area, volume, genus and symmetry are known."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES, Shape
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 _SQUARE = (
     np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]),
@@ -36,7 +40,7 @@ class Primitive(Shape):
 class Cube(Primitive):
     """The cube [-1, 1]^3, each face a grid of squares cut in two."""
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
         quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
         faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
@@ -48,7 +52,7 @@ class Cube(Primitive):
 class Sphere(Primitive):
     """The unit sphere: an icosahedron whose faces are divided, 10 f^2 + 2 vertices."""
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         return triangle_mesh(*unit_sphere(self.vertices))
 
 
@@ -59,7 +63,7 @@ class Tetrahedron(Primitive):
 
     vertices: int = option(4, "about how many vertices")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         return triangle_mesh(*_divided(*_TETRAHEDRON, self.vertices))
 
 
@@ -68,7 +72,7 @@ class Tetrahedron(Primitive):
 class Plane(Primitive):
     """The square [-1, 1]^2 at z = 0, seen from +z: an open grid."""
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         frequency = max(1, round(self.vertices**0.5 - 1))
         return triangle_mesh(*_subdivided(*_SQUARE, frequency))
 
@@ -81,7 +85,7 @@ class Torus(Primitive):
     radius: float = option(0.7, "from the axis to the middle of the ring")
     thickness: float = option(0.3, "radius of the ring itself")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         around = max(3, round((self.vertices * self.radius / self.thickness) ** 0.5))
         across = max(3, round(self.vertices / around))
         u, v = np.meshgrid(_turn(around), _turn(across), indexing="ij")
@@ -95,7 +99,7 @@ class Torus(Primitive):
 class Cylinder(Primitive):
     """The closed cylinder of radius 0.5 and height 2 about the y axis, its lids fans."""
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         around = max(3, round((1.6 * self.vertices) ** 0.5))
         rings = max(2, round((self.vertices - 2) / around))
         y, angle = np.meshgrid(np.linspace(-1.0, 1.0, rings), _turn(around), indexing="ij")
@@ -114,7 +118,7 @@ class Cylinder(Primitive):
 class TwoSpheres(Primitive):
     """A ball of radius 1 and, apart from it, one of radius 0.6: two components."""
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         large, faces = unit_sphere(self.vertices // 2)
         points = np.concatenate([large, 0.6 * large + [2.0, 0.3, -0.2]])
         return triangle_mesh(points, np.concatenate([faces, faces + len(large)]))

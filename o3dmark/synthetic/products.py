@@ -2,14 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from o3dmark.arrays import Bools, Floats, Ints
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES
 from o3dmark.synthetic.primitives import Primitive, unit_sphere
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 Box = tuple[tuple[int, int, int], tuple[int, int, int]]
 
@@ -28,7 +32,7 @@ class Bracket(Primitive):
 
     vertices: int = option(10044, "about how many vertices: 1 116 times a square")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         finer = max(1, round((self.vertices / _CORNERS) ** 0.5))
         points, triangles = skin_of_cells(np.kron(_bracket(), np.ones((finer,) * 3, bool)))
         length, height, depth = points.T / (10.0 * finer)
@@ -47,7 +51,7 @@ class Car(Primitive):
 
     vertices: int = option(10242, "about how many vertices")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         points, triangles = unit_sphere(self.vertices)
         x, y, z = points.T
         x, y, z = x * (1.45 - 0.45 * x**2), y * (1.3 - 0.3 * y**2), z * (1.5 - 0.5 * z**2)

@@ -1,15 +1,18 @@
 """Sculptures as semi-regular meshes: a coarse mesh of one, each triangle cut into four again and again, on the solid."""
 
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import mesh_arrays, triangle_mesh
 from o3dmark.registry import option
 from o3dmark.synthetic import SHAPES, Sculpture, Shape
 from o3dmark.synthetic.isosurface import project
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 _REACH = 0.25  # of an edge: how far a new vertex may be from the solid
 
@@ -28,7 +31,7 @@ class SemiRegular(Shape):
         if self.coarse < 100 or not 1 <= self.levels <= 8 or self.seed < 0:
             raise ValueError("coarse must be at least 100, levels 1 to 8, seed at least 0")
 
-    def build(self) -> TriangleMesh:
+    def build(self) -> "TriangleMesh":
         """The individual's mesh. Errors: MeshError when no manifold mesh with so few vertices was found."""
         base = cast(Sculpture, SHAPES.make({"name": self.of, "vertices": self.coarse, "seed": self.seed}))
         mesh, field = base.sculpted()

@@ -6,10 +6,11 @@ stays: materials, images, skins, animations, morph targets, extras, extensions t
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from o3dmark.arrays import AnyArray, Floats
+from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files._dressing import dressed
 from o3dmark.files.asset import Asset, Moved
@@ -23,7 +24,9 @@ from o3dmark.files.gltf.parts import Bodies, Body, Piece, bodies
 from o3dmark.files.gltf.scene import placements
 from o3dmark.files.references import Source, inside
 from o3dmark.mesh.normals import turned
-from o3dmark.mesh.surface import TriangleMesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 _SCENE = 10, 256 << 20  # bytes of a scene as one mesh: times the file, and beside
 _OPEN3D_HAS = {"normals", "texture coordinates", "vertex colours", "materials", "textures"}
@@ -72,11 +75,13 @@ class Gltf(Asset):
             self._bound(edits, self._bodies.bodies[number], vertices)
         return self._buffers.written(edits, names or {}, self.changing)
 
-    def mesh(self) -> TriangleMesh:
-        """All parts at all their places, with the textures, colours and normals that Open3D reads in the file, if any.
+    def mesh(self) -> "TriangleMesh":
+        """As of any asset, with the textures, colours and normals that Open3D reads in the file, if any."""
+        exact = super().mesh()
+        return self._dressed(exact) or exact
 
-        Errors: MeshError where the parts stand at so many places that they exhaust memory.
-        """
+    def placed(self) -> tuple[Floats, Ints]:
+        """As of any asset. Errors: MeshError where the parts stand at so many places that they exhaust memory."""
         rows = [len(part.placements) * (len(part.vertices) + 2 * len(part.triangles)) for part in self.parts]
         if 24 * sum(rows) > _SCENE[0] * self._budget.size + _SCENE[1]:
             raise MeshError(
@@ -84,10 +89,9 @@ class Gltf(Asset):
                 " places, which is too much for one mesh; save those that are wanted in a file of their own"
             )
         with np.errstate(all="ignore"):  # places may be as far away as numbers go
-            exact = super().mesh()
-        return self._dressed(exact) or exact
+            return super().placed()
 
-    def _dressed(self, exact: TriangleMesh) -> TriangleMesh | None:
+    def _dressed(self, exact: "TriangleMesh") -> "TriangleMesh | None":
         """Open3D's reading, where it has more than positions and follows nothing out of the folder."""
         if not self.contents & _OPEN3D_HAS or self.source.files or not self.path.is_file():
             return None

@@ -6,9 +6,9 @@ taken for its textures, at the file's own positions, where nothing of the file i
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.errors import MeshError
 from o3dmark.files import _open3d
@@ -20,7 +20,9 @@ from o3dmark.files.references import Source, inside
 from o3dmark.files.text.polygons import fans, set_colours
 from o3dmark.files.text.splicing import moved_rows, spliced, turned_rows
 from o3dmark.mesh.normals import turned
-from o3dmark.mesh.surface import TriangleMesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 
 class Obj(Asset):
@@ -63,7 +65,7 @@ class Obj(Asset):
             content = spliced(content, *edits)
         return {self.name: content}
 
-    def mesh(self) -> TriangleMesh:
+    def mesh(self) -> "TriangleMesh":
         """As of any asset; or Open3D's reading, which repeats vertices, if it has textures and loses nothing."""
         exact = super().mesh()
         if "texture coordinates" in self.contents and self._is_all_inside():
@@ -82,12 +84,12 @@ class Obj(Asset):
             return False
 
 
-def read(path: Path) -> TriangleMesh:
+def read(path: Path) -> "TriangleMesh":
     """The mesh in an OBJ file. Errors: as of `Obj`."""
     return Obj(Source(path)).mesh()
 
 
-def write(path: Path, mesh: TriangleMesh) -> None:
+def write(path: Path, mesh: "TriangleMesh") -> None:
     """Write an OBJ file, with its materials and textures, as Open3D does, its positions with every digit."""
     _open3d.write(path, mesh)
     lines = path.read_text().splitlines()
@@ -97,8 +99,10 @@ def write(path: Path, mesh: TriangleMesh) -> None:
     path.write_text("\n".join([*lines, ""]))
 
 
-def _without_empty_textures(mesh: TriangleMesh) -> TriangleMesh:
+def _without_empty_textures(mesh: "TriangleMesh") -> "TriangleMesh":
     """Open3D gives every material of an OBJ file a texture, if only an empty one, and next to such it writes none."""
+    import open3d as o3d
+
     full = [number for number, texture in enumerate(mesh.textures) if not texture.is_empty()]
     used = np.asarray(mesh.triangle_material_ids)
     if full and np.isin(used, full).all():

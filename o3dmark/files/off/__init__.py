@@ -5,9 +5,9 @@ Parsed here: Open3D takes files of one layout only, and writes six digits.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.files import _open3d
 from o3dmark.files.asset import Asset, Moved, Part
@@ -16,7 +16,9 @@ from o3dmark.files.references import Source
 from o3dmark.files.text.polygons import fans, set_colours
 from o3dmark.files.text.splicing import moved_rows, spliced, turned_rows
 from o3dmark.mesh.normals import turned
-from o3dmark.mesh.surface import TriangleMesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 
 class Off(Asset):
@@ -48,8 +50,10 @@ class Off(Asset):
             content = spliced(content, *edits)
         return {self.name: content}
 
-    def mesh(self) -> TriangleMesh:
+    def mesh(self) -> "TriangleMesh":
         """As of any asset, with normals and colours: these in 0 .. 1 or, if any is larger, in 0 .. 255."""
+        import open3d as o3d
+
         mesh, text = super().mesh(), self._text
         if text.normals is not None:
             mesh.vertex_normals = o3d.utility.Vector3dVector(text.normals)
@@ -58,12 +62,12 @@ class Off(Asset):
         return mesh
 
 
-def read(path: Path) -> TriangleMesh:
+def read(path: Path) -> "TriangleMesh":
     """The mesh in an OFF file. Errors: as of `Off`."""
     return Off(Source(path)).mesh()
 
 
-def write(path: Path, mesh: TriangleMesh) -> None:
+def write(path: Path, mesh: "TriangleMesh") -> None:
     """Write an OFF file as Open3D does, its positions with every digit."""
     _open3d.write(path, mesh)
     lines = path.read_text().splitlines()

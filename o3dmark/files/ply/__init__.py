@@ -1,9 +1,9 @@
 """PLY: text or binary of either byte order, with whatever elements and properties it has."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.errors import MeshError
@@ -17,7 +17,10 @@ from o3dmark.files.text.numbers import words
 from o3dmark.files.text.polygons import set_colours
 from o3dmark.files.text.splicing import spliced
 from o3dmark.mesh.normals import turned
-from o3dmark.mesh.surface import PointCloud, TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
@@ -91,10 +94,12 @@ class Ply(Asset):
             changes.append((self._normal, self._normal.rounded(self._turned(position), clipped=True)))
         return {self.name: self._bytes(changes) if self._header.order else self._text(changes)}
 
-    def mesh(self) -> TriangleMesh:
+    def mesh(self) -> "TriangleMesh":
         """The mesh, or without faces just its vertices, with colours and normals of the vertices."""
+        import open3d as o3d
+
         if self._position is None:
-            return TriangleMesh()
+            return o3d.geometry.TriangleMesh()
         mesh = triangle_mesh(self._position.values, self._triangles)
         if (colours := self._colours()) is not None:
             set_colours(mesh, colours)
@@ -102,9 +107,11 @@ class Ply(Asset):
             mesh.vertex_normals = o3d.utility.Vector3dVector(self._normal.values.copy())
         return mesh
 
-    def points(self) -> PointCloud:
+    def points(self) -> "PointCloud":
         """The vertices, with their colours and normals, whether or not there are faces."""
-        cloud, mesh = PointCloud(), self.mesh()
+        import open3d as o3d
+
+        cloud, mesh = o3d.geometry.PointCloud(), self.mesh()
         cloud.points, cloud.colors, cloud.normals = mesh.vertices, mesh.vertex_colors, mesh.vertex_normals
         return cloud
 

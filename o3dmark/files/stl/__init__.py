@@ -1,9 +1,9 @@
 """STL: binary, or text of one or several solids; triangles that share no corners, each with a normal."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
@@ -14,7 +14,10 @@ from o3dmark.files.stl.binary import BinaryFacets, fits
 from o3dmark.files.stl.text import TextFacets, is_text
 from o3dmark.mesh import geometry
 from o3dmark.mesh.normals import Turns
-from o3dmark.mesh.surface import TriangleMesh, triangle_mesh
+from o3dmark.mesh.surface import triangle_mesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 _CHUNK = 1 << 13  # facets whose numbers stay in a processor's cache: twice as fast as all at once
 
@@ -49,10 +52,12 @@ class Stl(Asset):
         normals = _turned(self._facets.normals, self._facets.corners, corners)
         return {self.name: self._facets.written(normals, corners)}
 
-    def mesh(self) -> TriangleMesh:
+    def mesh(self) -> "TriangleMesh":
         """The facets, in which corners at one place are one vertex if their normals are equal, as Open3D reads them."""
+        import open3d as o3d
+
         if not self.parts:
-            return TriangleMesh()
+            return o3d.geometry.TriangleMesh()
         normals = np.repeat(self._facets.normals, 3, axis=0)
         kept, vertex = geometry.weld(np.concatenate([self._facets.corners, normals], axis=1))
         mesh = triangle_mesh(self._facets.corners[kept], vertex.reshape(-1, 3))

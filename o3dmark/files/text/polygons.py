@@ -1,14 +1,16 @@
 """What the parsers of mesh files share: polygons as fans, vertex colours, counts that a header announces."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import open3d as o3d
 
 from o3dmark.arrays import AnyArray, Floats, Ints
 from o3dmark.errors import MeshError
 from o3dmark.files.text.words import mask
-from o3dmark.mesh.surface import TriangleMesh
+
+if TYPE_CHECKING:
+    from o3dmark.mesh.surface import TriangleMesh
 
 
 def fans(counts: AnyArray, *corners: AnyArray) -> list[Ints]:
@@ -38,8 +40,10 @@ def check_corners(path: Path, corners: AnyArray, n_vertices: int) -> None:
         raise MeshError(f"{path.name}: a face names a vertex that is not among its {n_vertices} vertices")
 
 
-def set_colours(mesh: TriangleMesh, colours: Floats) -> None:
+def set_colours(mesh: "TriangleMesh", colours: Floats) -> None:
     """Give a mesh vertex colours (n, 3); left out where they are not all numbers."""
+    import open3d as o3d
+
     if np.isfinite(colours).all():
         mesh.vertex_colors = o3d.utility.Vector3dVector(np.ascontiguousarray(colours))
 
