@@ -3,21 +3,50 @@
 A profile, once published, is never edited, so that old marks stay readable; golden marks in the tests hold it to that.
 """
 
+from collections.abc import Iterator, Mapping
+from functools import cache
+
 from o3dmark.coding.payload import CODES
 from o3dmark.methods import METHODS
 from o3dmark.watermark import Watermark
 
-PROFILES: dict[str, Watermark] = {
-    "robust-2026": Watermark(METHODS.make("shape-spectrum"), CODES.make("random"), 64),
-    "invisible-2026": Watermark(METHODS.make("shape-spectrum:mrms=0.00037"), CODES.make("random"), 64),
-    "slender-2026": Watermark(METHODS.make("shape-spectrum:lowest=8,highest=24,rungs=60"), CODES.make("random"), 64),
-    "paper-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random"), 64),
-    "contested-2026": Watermark(
-        METHODS.make("shape-spectrum:mrms=0.0004,lowest=8,highest=24,rungs=60"), CODES.make("random"), 64
-    ),
-    "layered-2026": Watermark(METHODS.make("layered"), CODES.make("random"), 64),
-    "tiny-2026": Watermark(METHODS.make("saliency-scs"), CODES.make("random:message_bytes=1"), 32),
+_SPECS = {  # method, code, bits between them
+    "robust-2026": ("shape-spectrum", "random", 64),
+    "invisible-2026": ("shape-spectrum:mrms=0.00037", "random", 64),
+    "slender-2026": ("shape-spectrum:lowest=8,highest=24,rungs=60", "random", 64),
+    "paper-2026": ("saliency-scs", "random", 64),
+    "contested-2026": ("shape-spectrum:mrms=0.0004,lowest=8,highest=24,rungs=60", "random", 64),
+    "layered-2026": ("layered", "random", 64),
+    "tiny-2026": ("saliency-scs", "random:message_bytes=1", 32),
 }
 DEFAULT_PROFILE = "robust-2026"
-ONE_LAYER = {name: profile for name, profile in PROFILES.items() if not profile.method.layers}
-"""Where none of these holds a message, none of several layers does: its layer in the solid is the default's."""
+
+
+class _Profiles(Mapping[str, Watermark]):
+    """Watermarks by name, each made when it is first asked for: a method may take long to import."""
+
+    def __getitem__(self, name: str) -> Watermark:
+        return _made(*_SPECS[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_SPECS)
+
+    def __len__(self) -> int:
+        return len(_SPECS)
+
+    def __contains__(self, name: object) -> bool:
+        return name in _SPECS
+
+
+@cache
+def _made(method: str, code: str, n_bits: int) -> Watermark:
+    return Watermark(METHODS.make(method), CODES.make(code), n_bits)
+
+
+PROFILES: Mapping[str, Watermark] = _Profiles()
+
+
+def one_layer() -> dict[str, Watermark]:
+    """Profiles of one layer: where none of them holds a message, none of several does, whose layer in the solid is the
+    default's."""
+    return {name: profile for name, profile in PROFILES.items() if not profile.method.layers}

@@ -24,7 +24,10 @@ _BOOLS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0"
 
 
 class Registry(Generic[T]):
-    """The classes of one kind, by name; ``package`` is imported module by module the first time that one is wanted."""
+    """The classes of one kind, by name; ``package`` is imported module by module the first time that all are wanted.
+
+    A module that has the name of a class, but for its hyphens, is looked into first: some take long to import.
+    """
 
     def __init__(self, kind: str, package: str | None = None) -> None:
         self.kind = kind
@@ -53,11 +56,21 @@ class Registry(Generic[T]):
                     importlib.import_module(f"{package}.{module.name}")
         return self._classes
 
+    def _look_into(self, module: str) -> None:
+        """Import one module of the package, if there is one of that name."""
+        names = {found.name for found in pkgutil.iter_modules(importlib.import_module(str(self._package)).__path__)}
+        if module in names and not module.startswith("_"):
+            importlib.import_module(f"{self._package}.{module}")
+
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self._discover()))
 
     def __getitem__(self, name: str) -> type[T]:
         """The class registered under ``name``; SpecError names the nearest ones otherwise."""
+        if self._package is not None and name not in self._classes:
+            self._look_into(name.replace("-", "_"))
+        if name in self._classes:
+            return self._classes[name]
         classes = self._discover()
         if name not in classes:
             raise SpecError(f"no {self.kind} is called {name!r}{_nearest(name, list(classes))}")

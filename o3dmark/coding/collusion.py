@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.special import betainc
+import scipy
 
 from o3dmark.arrays import Floats
 
@@ -94,7 +93,7 @@ def _promising(target: Floats, unit: Floats) -> Floats:
     for signed in (False, True):
         for chosen, _ in _explanations(target, unit, signed=signed, most=ATOMS[-1] + 1):
             found |= dict.fromkeys(chosen)
-    weights = nnls(unit.T, target)[0]
+    weights = scipy.optimize.nnls(unit.T, target)[0]
     found |= dict.fromkeys(np.argsort(-weights)[: ATOMS[-1] + 1].tolist())
     found |= dict.fromkeys(np.argsort(-np.abs(unit @ target)).tolist())
     return np.array(list(found)[:_TRIED])
@@ -114,10 +113,10 @@ def _rests(target: Floats, others: Floats) -> Iterator[tuple[Floats, bool]]:
         rests = {0: target} | {len(chosen): rest for chosen, rest in _explanations(target, others, signed=signed)}
         for atoms in ATOMS:
             yield rests[min(atoms, max(rests))], signed
-    weights = nnls(others.T, target)[0]
+    weights = scipy.optimize.nnls(others.T, target)[0]
     yield target - weights @ others, False
     most = np.argsort(-weights)[: ATOMS[-1]]
-    yield target - nnls(others[most].T, target)[0] @ others[most], False
+    yield target - scipy.optimize.nnls(others[most].T, target)[0] @ others[most], False
 
 
 def _explanations(
@@ -135,7 +134,7 @@ def _explanations(
         score[chosen] = -np.inf
         chosen.append(int(np.argmax(score)))
         A = unit[chosen].T
-        weights = np.linalg.lstsq(A, target, rcond=None)[0] if signed else nnls(A, target)[0]
+        weights = np.linalg.lstsq(A, target, rcond=None)[0] if signed else scipy.optimize.nnls(A, target)[0]
         rest = target - A @ weights
         yield list(chosen), rest
 
@@ -145,5 +144,5 @@ def _log10_tail(cosine: float, either_sign: bool, dimensions: int) -> float:
     t = abs(cosine) if either_sign else max(cosine, 0.0)
     if t >= 1.0:
         return -math.inf
-    half = 0.5 * float(betainc((dimensions - 1) / 2.0, 0.5, 1.0 - t * t))
+    half = 0.5 * float(scipy.special.betainc((dimensions - 1) / 2.0, 0.5, 1.0 - t * t))
     return math.log10(min(1.0, half * (2.0 if either_sign else 1.0))) if half > 0.0 else -300.0

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.files import _open3d
@@ -53,7 +53,8 @@ def _nearest(found: Floats, corners: Ints, vertices: Floats, triangles: Ints, to
     if not (np.isfinite(found).all() and np.isfinite(vertices).all()):
         return None
     kept, place = geometry.weld(vertices)
-    distance, nearest = cKDTree(vertices[kept]).query(found, distance_upper_bound=2.0 * tolerance + 1e-300)
+    tree = scipy.spatial.cKDTree(vertices[kept])
+    distance, nearest = tree.query(found, distance_upper_bound=2.0 * tolerance + 1e-300)
     if not (distance <= 2.0 * tolerance).all():
         return None
     same = np.array_equal(_canonical(nearest[corners]), _canonical(place[triangles]))

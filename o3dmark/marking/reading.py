@@ -6,6 +6,7 @@ profile it was, all are tried, the default first: half of the evidence asked for
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 from o3dmark.coding.detection import Detection
@@ -123,14 +124,19 @@ def _telling(detection: Detection) -> tuple[bool, bool, float]:
 
 def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: Any, depth: Depth) -> Iterator[_Seen]:
     """What can be read, the likeliest first. Errors: MeshError when nothing can."""
-    marks = {None: watermark} if watermark is not None else _profiles(reference)
+    names = [None] if watermark is not None else _profiles(reference)
     known: dict[bool, list[View]] = {}
-    looks = [_Look(name, replace(mark, method=mark.method.searching(depth))) for name, mark in marks.items()]
     observed: dict[tuple[int, Method], Any] = {}
     error: MeshError | None = None
     read = False
+
+    @cache
+    def look_for(name: str | None) -> _Look:
+        mark = PROFILES[str(name)] if watermark is None else watermark
+        return _Look(name, replace(mark, method=mark.method.searching(depth)))
+
     for quick in (True, False) if reference is None else (False,):
-        for look in looks:
+        for look in map(look_for, names):  # one after the other: the first may speak, and the others take long to load
             if quick and look.watermark.method.quick is look.watermark.method:
                 continue
             method = look.watermark.method
@@ -144,7 +150,7 @@ def _all_seen(received: Any, watermark: Watermark | None, key: Key, reference: A
                     error = error or refusal
                     continue
                 read = True
-                charge = len(looked_at) * look.passes(reference) * _charge(look.profile, len(looks))
+                charge = len(looked_at) * look.passes(reference) * _charge(look.profile, len(names))
                 part = ": ".join(filter(None, [view.part, extraction.part]))
                 patches = view.patches(extraction)
                 yield _Seen(part, look.watermark, look.profile, extraction.times(charge), patches)
@@ -174,10 +180,10 @@ class _Look:
         return 1 if reference is not None or self.watermark.method.quick is self.watermark.method else 2
 
 
-def _profiles(reference: Any) -> dict[str | None, Watermark]:
+def _profiles(reference: Any) -> list[str | None]:
     """All profiles, the default first; beside a reference those that can use it."""
     names = sorted(PROFILES, key=lambda name: name != DEFAULT_PROFILE)
-    return {name: PROFILES[name] for name in names if reference is None or PROFILES[name].method.takes_reference}
+    return [name for name in names if reference is None or PROFILES[name].method.takes_reference]
 
 
 def _charge(profile: str | None, count: int) -> int:

@@ -6,9 +6,6 @@ from typing import Any, Literal
 
 from o3dmark.marking.embedding import Marked
 from o3dmark.methods import Method
-from o3dmark.metrics import METRICS
-from o3dmark.metrics.displacement import MaxDisplacement
-from o3dmark.metrics.distance import surface_distance
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,10 @@ def strength(marked: Marked, method: Method) -> Strength | None:
     """Of an asset marked by a method; None where no part was marked."""
     if not marked.moved:
         return None
+    from o3dmark.metrics import METRICS
+    from o3dmark.metrics.displacement import MaxDisplacement
+    from o3dmark.metrics.distance import surface_distance
+
     pairs = marked.pairs()
     distances = [surface_distance(*pair) for pair in pairs]
     metric = METRICS.make("jnd")

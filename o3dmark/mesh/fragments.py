@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.mesh import geometry, sampling, similarity
@@ -101,7 +101,8 @@ class _Cloud:
         """``count`` points spread by area, at random within triangles; normals are means over a ball."""
         points, triangle = sampling.stratified(surface, count, np.random.default_rng(0))
         normals = geometry.unit(geometry.area_vectors(surface.vertices, surface.triangles)[triangle])
-        near = cKDTree(points).sparse_distance_matrix(cKDTree(points), _NORMAL_RADIUS * unit, output_type="coo_matrix")
+        tree = scipy.spatial.cKDTree(points)
+        near = tree.sparse_distance_matrix(tree, _NORMAL_RADIUS * unit, output_type="coo_matrix")
         same = np.einsum("nd,nd->n", normals[near.row], normals[near.col]) > _MIN_COSINE_AVERAGED
         total = normals.copy()
         np.add.at(total, near.row[same], normals[near.col[same]])
@@ -113,8 +114,8 @@ class _Cloud:
         return _Cloud(self.points[some], self.normals[some], self.unit)
 
     @cached_property
-    def tree(self) -> cKDTree:
-        return cKDTree(self.points)
+    def tree(self) -> "scipy.spatial.cKDTree":
+        return scipy.spatial.cKDTree(self.points)
 
     @cached_property
     def features(self) -> Floats:

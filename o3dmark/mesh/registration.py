@@ -8,7 +8,7 @@ than that: see `fragments`.
 import itertools
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from o3dmark.arrays import Floats, Ints
 from o3dmark.mesh import similarity
@@ -31,12 +31,12 @@ def match_vertices(cover: Floats, received: Floats) -> Ints:
     if numbered_alike(cover, received):
         return np.arange(len(cover))
     aligned = similarity.apply(align(received, cover), received)
-    return np.asarray(cKDTree(aligned).query(cover)[1], np.int64)
+    return np.asarray(scipy.spatial.cKDTree(aligned).query(cover)[1], np.int64)
 
 
 def align(source: Floats, target: Floats) -> Floats:
     """The similarity (4, 4) that lays the points ``source`` on ``target`` from any pose and scale, unmirrored."""
-    tree = cKDTree(target)
+    tree = scipy.spatial.cKDTree(target)
 
     def mean_square(matrix: Floats) -> float:
         return float(np.mean(tree.query(similarity.apply(matrix, source))[0] ** 2))

@@ -7,7 +7,7 @@ one.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from o3dmark.arrays import Floats
 from o3dmark.mesh import geometry
@@ -65,7 +65,7 @@ def apply(matrix: Floats, points: Floats) -> Floats:
 def small(motion: Floats, centre: Floats) -> Floats:
     """The similarity (4, 4) of a ``motion`` (7,), as in `motions`, about ``centre`` (3,)."""
     matrix = np.eye(4)
-    matrix[:3, :3] = np.exp(motion[6]) * Rotation.from_rotvec(motion[3:6]).as_matrix()
+    matrix[:3, :3] = np.exp(motion[6]) * scipy.spatial.transform.Rotation.from_rotvec(motion[3:6]).as_matrix()
     matrix[:3, 3] = centre + motion[:3] - matrix[:3, :3] @ centre
     return matrix
 

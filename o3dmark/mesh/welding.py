@@ -6,9 +6,9 @@ Only vertices on open edges are welded, so that a fine mesh does not collapse, h
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from o3dmark.arrays import Bools, Ints
 from o3dmark.mesh import geometry
@@ -32,7 +32,8 @@ def welded(surface: Surface, tolerance: float) -> Surface:
     cell = np.unique(np.floor(surface.vertices[rim] / tolerance), axis=0, return_inverse=True)[1].ravel()
     size = np.bincount(cell)
     centre = np.stack([np.bincount(cell, column) for column in surface.vertices[rim].T], axis=1) / size[:, None]
-    near = cKDTree(centre).query_pairs(tolerance, output_type="ndarray")  # of cells: a cluster costs no more than these
+    tree = scipy.spatial.cKDTree(centre)
+    near = tree.query_pairs(tolerance, output_type="ndarray")  # of cells: a cluster costs no more than these
     links = sp.coo_array((np.ones(len(near), bool), near.T), shape=(len(centre), len(centre)))
     group = connected_components(links, directed=False)[1][cell]
     size = np.bincount(group)

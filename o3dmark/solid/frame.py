@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from o3dmark.arrays import Complexes, Floats
 from o3dmark.errors import MeshError
@@ -90,7 +90,7 @@ class Frame:
 
     def shifted(self, motion: Floats) -> "Frame":
         """The frame after a small ``motion`` (7,): translation, rotation vector, log scale; all as seen in it."""
-        turn = Rotation.from_rotvec(motion[3:6]).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(motion[3:6]).as_matrix()
         origin = self.origin + self.scale * motion[:3] @ self.axes
         return Frame(origin, self.scale * float(np.exp(motion[6])), turn.T @ self.axes)
 

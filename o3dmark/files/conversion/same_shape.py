@@ -1,7 +1,7 @@
 """Whether two assets show the same triangles, whatever the order that their formats keep them in."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from o3dmark.arrays import AnyArray, Bools, Floats
 from o3dmark.files.asset import Asset
@@ -61,5 +61,5 @@ def _near(corners: Floats, others: Floats, distance: float) -> bool:
     if not len(corners):
         return True
     turns = np.concatenate([np.roll(others, 3 * turn, axis=1) for turn in range(3)])
-    found, _ = cKDTree(turns).query(corners, p=np.inf, distance_upper_bound=distance)
+    found, _ = scipy.spatial.cKDTree(turns).query(corners, p=np.inf, distance_upper_bound=distance)
     return bool(np.isfinite(found).all())

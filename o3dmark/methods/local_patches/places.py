@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from o3dmark.arrays import Bits, Floats, Ints
 from o3dmark.methods.local_patches.codewords import Share
@@ -124,7 +124,7 @@ def _by_merit(sampled: Sampled, visibility: Visibility) -> tuple[Ints, Floats]:
         aside = sampled.patches(patches.centre + _ASIDE * sampled.radius * across, patches.axis)
         square += (np.abs(coefficients(sampled.grid, aside, functions) - found) ** 2).sum(axis=1)
     sensitivity = np.sqrt(square / functions.n_real)
-    around = cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
+    around = scipy.spatial.cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
     acuity = np.array([visibility.acuity[near].mean() for near in around])
     order = np.argsort(sensitivity * acuity, kind="stable")
     order = order[sensitivity[order] < _SENSITIVE * max(sampled.form.strengths)]
@@ -138,7 +138,7 @@ def _pieces(sampled: Sampled, vertices: Ints, sensitivities: Floats) -> list[tup
         np.sqrt(np.average(((surface.vertices - surface.centroid) ** 2).sum(axis=1), weights=surface.vertex_areas))
     )
     taken = np.zeros(len(surface.vertices), bool)
-    tree, found, tried = cKDTree(surface.vertices), [], 0
+    tree, found, tried = scipy.spatial.cKDTree(surface.vertices), [], 0
     for vertex, sensitivity in zip(vertices.tolist(), sensitivities.tolist(), strict=True):
         if tried == _MOST_TRIED:
             break

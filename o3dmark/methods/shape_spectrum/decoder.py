@@ -14,7 +14,6 @@ import numpy as np
 from o3dmark.arrays import Floats, Ints
 from o3dmark.coding.scs import coherence
 from o3dmark.methods import Extraction
-from o3dmark.methods.shape_spectrum.deformation import most_coherent
 from o3dmark.methods.shape_spectrum.fit import fit, log10_p
 from o3dmark.methods.shape_spectrum.hypotheses import Measurement
 from o3dmark.methods.shape_spectrum.projections import Projections
@@ -128,6 +127,8 @@ class Decoder:
 
     def _undeformed(self, deformed: Deformed) -> Iterator[tuple[_Best, Floats]]:
         """Search by search the best reading before a deformation, every trial charged, and the values (h, K) kept."""
+        from o3dmark.methods.shape_spectrum.deformation import most_coherent
+
         expected = self.expected_step * deformed.area_diagonal_ratio
         steps = self.steps[np.abs(np.log2(self.steps / expected)) <= 1.0]
         if not len(steps):

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.linalg import block_diag
+import scipy
 
 from o3dmark.arrays import Floats
 from o3dmark.methods.shape_spectrum.projections import Projections
@@ -68,7 +67,8 @@ class FrameHypothesis:
         spectrum = self.spectrum.turned(self.symmetry)
         motions = spectrum.frame_derivative()
         bulge = np.zeros_like(motions[0]) if self.bulge is None else self.bulge.turned(self.symmetry).values
-        turn = block_diag(self.symmetry, hand * self.symmetry, 1.0, 1.0)  # a rotation vector is an axial one
+        axial = hand * self.symmetry  # which a rotation vector is
+        turn = scipy.linalg.block_diag(self.symmetry, axial, 1.0, 1.0)
         yield Measurement(
             projections(spectrum.values + self.bulging * bulge),
             projections(np.concatenate([motions, bulge[None]])).T,
@@ -92,6 +92,7 @@ class SmoothingSweep:
         if len(self.before) < _MIN_KNOTS:
             return
         received = next(next(iter(self.before.values())).measurements(projections))
-        values = CubicSpline(list(self.before), [each.values(projections) for each in self.before.values()])
+        known = [each.values(projections) for each in self.before.values()]
+        values = scipy.interpolate.CubicSpline(list(self.before), known)
         for n in PASSES[max(self.before) >= PASSES]:
             yield replace(received, values=values(n), smoothing=self.smoothing, passes=int(n))

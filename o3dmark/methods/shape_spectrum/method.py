@@ -26,7 +26,7 @@ wrong key, each bit remains a fair coin. All the readings tried are counted neve
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,22 +36,21 @@ from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.reconstruction import surface_of_points
-from o3dmark.mesh.saliency import Saliency
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Extraction, Method, Progress, silent
 from o3dmark.methods._threads import one_thread
-from o3dmark.methods.shape_spectrum.codewords import plans
 from o3dmark.methods.shape_spectrum.decoder import Decoder
-from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Cover, Limits, least_motion
 from o3dmark.methods.shape_spectrum.format import FORMATS
-from o3dmark.methods.shape_spectrum.fragment import read_beside
-from o3dmark.methods.shape_spectrum.mixture import Remade, mixture
 from o3dmark.methods.shape_spectrum.projections import Projections
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band
+
+if TYPE_CHECKING:  # what a reader without the cover needs not, and would wait for, is imported where it is used
+    from o3dmark.methods.shape_spectrum.embedder import Cover
+    from o3dmark.methods.shape_spectrum.mixture import Remade
 
 _VERTICES_PER_BIT = 8
 _MAX_BITS = 128
@@ -65,7 +64,7 @@ class Prepared(NamedTuple):
     """A mesh about to be marked, as given and as the writer of a key's bits sees it."""
 
     mesh: Any
-    cover: Cover
+    cover: "Cover"
 
 
 @METHODS.register("shape-spectrum")
@@ -153,6 +152,8 @@ class ShapeSpectrum(Method):
         hypotheses, decoder = self.observe(mesh), self.decoder(n_bits, key)
         if reference is None:
             return decoder.read(hypotheses)
+        from o3dmark.methods.shape_spectrum.fragment import read_beside
+
         cover = self.cover(mended(Surface.of(reference)), key, n_bits)
         beside = read_beside(hypotheses.received, cover, self.steps(n_bits), n_bits).times(2)
         if beside.certainty > _CERTAIN and beside.residual is not None and beside.residual < _NEAR:
@@ -168,14 +169,18 @@ class ShapeSpectrum(Method):
         surface = surface_of_points(legacy_cloud(mesh)) if is_cloud(mesh) else Surface.of(mesh)
         return self._hypotheses(surface)
 
-    def remade(self, reference: Any, words: Bits, key: Key) -> Remade:
+    def remade(self, reference: Any, words: Bits, key: Key) -> "Remade":
         """See `Method.remade`: here, worked out when a mesh is found to be one of the cover's."""
+        from o3dmark.methods.shape_spectrum.mixture import Remade
+
         cover = self.prepare(reference, words.shape[1], key).cover
         return Remade(cover, words, lambda word: self._change(cover, word, _unseen))
 
     @one_thread()
-    def mixture(self, mesh: Any, copies: Remade, progress: Progress = silent) -> Mixture:
+    def mixture(self, mesh: Any, copies: "Remade", progress: Progress = silent) -> Mixture:
         """See `Method.mixture`: of a mesh whose vertices are those of the cover, moved and in any order."""
+        from o3dmark.methods.shape_spectrum.mixture import mixture
+
         return mixture(Surface.of(mesh), copies, progress)
 
     def capacity(self, mesh: Any) -> int:
@@ -194,8 +199,10 @@ class ShapeSpectrum(Method):
         """The steps that writer and reader know of, largest first."""
         return FORMATS[self.format].steps(self.mrms, n_bits, self.rungs)
 
-    def cover(self, surface: Surface, key: Key, n_bits: int) -> Cover:
+    def cover(self, surface: Surface, key: Key, n_bits: int) -> "Cover":
         """An unmarked surface as the writer of a key's bits sees it. Errors: CapacityError if they do not fit."""
+        from o3dmark.methods.shape_spectrum.embedder import Cover
+
         solid = Solid.of(surface)
         if n_bits > (fits := _room(solid)):
             raise CapacityError(n_bits, fits, f"{_VERTICES_PER_BIT} vertices off the boundary a bit")
@@ -209,11 +216,14 @@ class ShapeSpectrum(Method):
         return Decoder(self.projections(key, n_bits), self.steps(n_bits), n_bits, expected, self.search)
 
     @one_thread()
-    def _change(self, cover: Cover, message: Bits, reads: Callable[[Floats], bool]) -> Floats:
+    def _change(self, cover: "Cover", message: Bits, reads: Callable[[Floats], bool]) -> Floats:
         """What to ask of `Cover.moved` for the bits; those ways that can be read, as ``reads`` says of vertices.
 
         Errors: MeshError when there is none.
         """
+        from o3dmark.methods.shape_spectrum.codewords import plans
+        from o3dmark.methods.shape_spectrum.embedder import INITIAL_RATIO, Limits, least_motion
+
         limit = self.mrms * cover.surface.diagonal
         choices = plans(cover.comb(message), self.steps(len(message)), self.slack, limit / INITIAL_RATIO)
         change = least_motion(cover, choices, Limits(limit, np.inf if self.jnd is None else self.jnd), reads)
@@ -252,5 +262,7 @@ def _room(solid: Solid) -> int:
 
 def _mask(surface: Surface) -> Floats:
     """Mesh saliency of the vertices (n,) over its mean, within a factor of 4 up and down."""
+    from o3dmark.mesh.saliency import Saliency
+
     saliency = Saliency().of_surface(surface)
     return np.asarray(np.clip(saliency / (saliency.mean() or 1.0), 0.25, 4.0))

@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,14 @@ from o3dmark.mesh.pn_triangles import pn_triangles
 from o3dmark.mesh.smoothing import InverseSmoothing, Transfer, hc, taubin, umbrella
 from o3dmark.mesh.surface import Surface
 from o3dmark.methods._remembered import Remembered
-from o3dmark.methods.shape_spectrum.deformation import Surrogate
 from o3dmark.methods.shape_spectrum.hypotheses import PASSES, FrameHypothesis, SmoothingSweep
 from o3dmark.received import View, views
 from o3dmark.solid.frame import Frame, FrameFormat, FrameRule, rules
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band, Spectrum
+
+if TYPE_CHECKING:
+    from o3dmark.methods.shape_spectrum.deformation import Surrogate
 
 _MAX_COARSE = 20_000  # triangles; a mark on 112 642 vertices was still read through bulges after remeshing to fewer
 _ABRUPT = 3e-4  # RMS motion in a pass of smoothing, over the diagonal, above which every pass is worked out
@@ -74,7 +76,7 @@ class Round(NamedTuple):
 class Deformed(NamedTuple):
     """A view as it would be under any small deformation, and the hypothesis that there was none."""
 
-    surrogate: Surrogate
+    surrogate: "Surrogate"
     undeformed: FrameHypothesis
     area_diagonal_ratio: float
 
@@ -161,6 +163,8 @@ class _Sight:
 
     def deformed(self) -> Iterator["Deformed"]:
         """Before a deformation, in each position of the axes. Errors: MeshError where one has no frame."""
+        from o3dmark.methods.shape_spectrum.deformation import Surrogate
+
         surrogate = Surrogate.of(self.band, self.solid, self.rule, self.frames[0])
         for symmetry in self._ambiguities:
             first = replace(self._first, symmetry=symmetry)
