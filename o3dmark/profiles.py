@@ -19,7 +19,8 @@ _SPECS = {  # method, code, bits between them
     "layered-2026": ("layered", "random", 64),
     "tiny-2026": ("saliency-scs", "random:message_bytes=1", 32),
 }
-DEFAULT_PROFILE = "robust-2026"
+DEFAULT_PROFILE = "layered-2026"
+_LAYERS = {"robust-2026": "layered-2026"}  # profiles that are a layer of another: of one method, code and length
 
 
 class _Profiles(Mapping[str, Watermark]):
@@ -46,7 +47,9 @@ def _made(method: str, code: str, n_bits: int) -> Watermark:
 PROFILES: Mapping[str, Watermark] = _Profiles()
 
 
-def one_layer() -> dict[str, Watermark]:
-    """Profiles of one layer: where none of them holds a message, none of several does, whose layer in the solid is the
-    default's."""
-    return {name: profile for name, profile in PROFILES.items() if not profile.method.layers}
+def separate() -> list[str]:
+    """The profiles but for those that are a layer of another, the default first.
+
+    Such a one holds no message that the other does not, and the other reads its marks.
+    """
+    return sorted((name for name in PROFILES if name not in _LAYERS), key=lambda name: name != DEFAULT_PROFILE)

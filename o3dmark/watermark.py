@@ -50,7 +50,7 @@ class Reading:
 class Watermark:
     """Method, code, and the number of bits between them."""
 
-    method: Method = field(default_factory=lambda: METHODS.make("shape-spectrum"))
+    method: Method = field(default_factory=lambda: METHODS.make("layered"))
     code: Code = field(default_factory=lambda: CODES.make("random"))
     n_bits: int = 64
 

@@ -138,7 +138,7 @@ def test_what_cannot_be_read_back_is_not_kept(folder: Path, tmp_path: Path, caps
     code, result, err = run(capsys, "embed", folder / "cover.ply", out, "--key", folder / "owner.key", *words)
     assert (code, result["verified"], result["output"]) == (1, False, None)
     assert "nothing was written" in err
-    assert "--profile robust-2026 holds this message in this mesh" in err
+    assert "--profile layered-2026 holds this message in this mesh" in err
     assert list(tmp_path.iterdir()) == []
 
 

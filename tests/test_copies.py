@@ -164,6 +164,17 @@ def test_two_at_a_time_in_one_folder_are_one_too_many(asset: Path, key: Key, tmp
         first.close()
 
 
+def test_further_copies_are_made_as_those_that_there_are(asset: Path, key: Key, tmp_path: Path) -> None:
+    """By the profile, and of the length, that the ledger names, whatever the default is by then."""
+    with Ledger(tmp_path / "copies.db", writable=True) as ledger:
+        list(issue(asset, ["a"], key, ledger, tmp_path / "out", profile="robust-2026", n_bits=72))
+        list(issue(asset, ["a", "b"], key, ledger, tmp_path / "out"))
+        assert {(copy.name, copy.profile, copy.n_bits) for copy in ledger.copies()} == {
+            ("a", "robust-2026", 72),
+            ("b", "robust-2026", 72),
+        }
+
+
 @pytest.mark.parametrize("kills", [1, pytest.param(200, marks=pytest.mark.slow)])
 def test_killed_at_any_moment_nothing_is_lost(kills: int, asset: Path, key: Key, tmp_path: Path) -> None:
     """The ledger is whole, and each copy that is in its place is in it as it is."""
@@ -171,6 +182,7 @@ def test_killed_at_any_moment_nothing_is_lost(kills: int, asset: Path, key: Key,
     names = [f"buyer {number}" for number in range(4 * kills)]
     (tmp_path / "buyers.csv").write_text("name\n" + "\n".join(names))
     words = ["issue", asset, "--to", "buyers.csv", "--key", "owner.key", "--ledger", "copies.db", "--out", "out"]
+    words += ["--profile", "robust-2026"]
     line = [sys.executable, "-m", "o3dmark", *map(str, words), "--workers", "1"]
     rng = np.random.default_rng(0)
     placed = 0

@@ -12,7 +12,7 @@ from fixtures.paths import GOLDEN
 from o3dmark import marking
 from o3dmark.attacks import attack_all
 from o3dmark.coding.keys import Key
-from o3dmark.errors import MeshError, SpecError
+from o3dmark.errors import SpecError
 from o3dmark.files import read_mesh
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays
@@ -90,16 +90,24 @@ def test_without_room_for_patches_the_solid_is_marked_alone(coarse: TriangleMesh
     assert not METHOD.layers["patches"].quick.extract(marked, len(BITS), key).part
 
 
-def test_patches_that_disturb_the_solid_are_refused(
-    coarse: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch
+def test_patches_that_disturb_the_solid_are_not_written(
+    spot: TriangleMesh, layers: tuple[Any, Any], key: Key, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Were there any: here nothing was written as the solid's layer, so that nothing is read of it."""
-    vertices = Surface.of(coarse).vertices
-    done = Marked(np.array(vertices), [Place(0, 0, 0.004, 33.0, 0.5)])
-    monkeypatch.setattr(ShapeSpectrum, "embed", lambda _, mesh, *__: mesh)
+    """Were there any: here they take the solid's mark away, so that nothing is read of it."""
+    done = Marked(np.array(Surface.of(spot).vertices), [Place(0, 0, 0.004, 33.0, 0.5)])
     monkeypatch.setattr(LocalPatches, "marked", lambda *_: done)
-    with pytest.raises(MeshError, match="use shape-spectrum alone, or a lower total"):
-        METHOD.embed(coarse, BITS, key)
+    marked = METHOD.embed(spot, BITS, key)
+    assert np.array_equal(mesh_arrays(marked)[0], mesh_arrays(layers[0])[0])
+
+
+def test_a_copy_of_what_was_prepared_is_the_mesh_that_is_marked_at_once(
+    spot: TriangleMesh, marked: Any, key: Key, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "_LOOKED_AT", 250)
+    prepared = METHOD.prepare(spot, len(BITS), key)
+    monkeypatch.setattr(places, "candidates", asked)
+    copy = METHOD.embed(prepared, BITS, key)
+    assert np.allclose(mesh_arrays(copy)[0], mesh_arrays(marked)[0], rtol=0.0, atol=1e-9)
 
 
 # What reading promises

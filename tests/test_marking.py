@@ -17,10 +17,10 @@ from o3dmark.files import ASSETS, Asset, Source, open_asset, read_mesh
 from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import Surface, TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.methods import METHODS, Extraction
-from o3dmark.profiles import PROFILES
+from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Watermark
 
-MARK = Watermark(n_bits=43)
+MARK = replace(PROFILES["robust-2026"], n_bits=43)
 Opened = Callable[..., Asset]
 
 
@@ -214,8 +214,8 @@ class TestProfiles:
         assert found.profile == known.profile == "slender-2026"
 
     def test_the_default_pays_half_and_the_others_share_the_rest(self, spot_arrays, key: Key) -> None:
-        marked = PROFILES["robust-2026"].embed(triangle_mesh(*spot_arrays), "me", key)
-        one, all_ = (marking.extract(marked, mark, key).reading for mark in (PROFILES["robust-2026"], None))
+        marked = PROFILES["robust-2026"].embed(triangle_mesh(*spot_arrays), "me", key)  # a layer of the default's
+        one, all_ = (marking.extract(marked, mark, key).reading for mark in (PROFILES[DEFAULT_PROFILE], None))
         assert all_.decoded.log10_p == pytest.approx(one.decoded.log10_p + np.log10(2), abs=1e-3)
 
     def test_the_first_profile_that_holds_the_message_is_taken(self, opened: Opened, spot_arrays, key: Key) -> None:
@@ -223,11 +223,11 @@ class TestProfiles:
         asset = opened((vertices * [1.0, 12.0, 1.0], triangles))
         chosen = marking.embed_by_any(asset, "mine", key)
         assert chosen.profile == "slender-2026"
-        assert "too slender" in chosen.refused["robust-2026"]
+        assert "too slender" in chosen.refused["layered-2026"]
         assert marking.extract(after(asset, chosen.marked), None, key).reading.message == "mine"
 
     def test_a_refusal_says_what_each_profile_said(self, opened: Opened, key: Key) -> None:
-        with pytest.raises(MeshError, match=r"no profile does: robust-2026: .*; tiny-2026: "):
+        with pytest.raises(MeshError, match=r"no profile does: layered-2026: .*; tiny-2026: "):
             marking.embed_by_any(opened(UNIT_SQUARE), "m", key)
 
     def test_a_message_that_no_profile_can_hold_is_one(self, opened: Opened, spot_arrays, key: Key) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from o3dmark.attacks import ATTACKS, Attack
 from o3dmark.coding.keys import Key
 from o3dmark.errors import SpecError
-from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
+from o3dmark.profiles import PROFILES
 from o3dmark.registry import option
 
 
@@ -21,7 +21,7 @@ class Remark(Attack):
     as when such a mark is embedded.
     """
 
-    profile: str = option(DEFAULT_PROFILE, "the profile of the second mark")
+    profile: str = option("robust-2026", "the profile of the second mark")
     n_bits: int = option(0, "how many bits it has; 0: as the profile says")
 
     def __post_init__(self) -> None:

@@ -37,7 +37,6 @@ def issue(
     from o3dmark.cli._running import bar, executor
     from o3dmark.coding.keys import Key
     from o3dmark.copies import Ledger, issue, read_buyers
-    from o3dmark.profiles import DEFAULT_PROFILE
 
     started, secret, names = time.perf_counter(), Key.load(key), read_buyers(to)
     made: list[Copy] = []
@@ -50,7 +49,7 @@ def issue(
             secret,
             opened,
             out,
-            profile=profile or DEFAULT_PROFILE,
+            profile=profile,
             n_bits=n_bits,
             executor=pool,
             in_flight=2 * size,

@@ -27,7 +27,7 @@ from o3dmark.errors import BackendError, LedgerError, MeshError, SpecError
 from o3dmark.files import Asset, Source, destination, open_asset
 from o3dmark.marking import Edition, Marked
 from o3dmark.mesh import geometry
-from o3dmark.profiles import PROFILES
+from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 from o3dmark.watermark import Watermark
 
 _LOCK = ".o3dmark.lock"
@@ -80,7 +80,7 @@ def issue(
     ledger: Ledger,
     out: str | Path,
     *,
-    profile: str,
+    profile: str | None = None,
     n_bits: int | None = None,
     executor: Executor | None = None,
     in_flight: int = 1,
@@ -88,14 +88,15 @@ def issue(
     """Make the copies of the asset at ``path`` that the ledger lacks: first where it stands, then an event for each.
 
     They go to out/<name of the asset>/<name of the copy>/, each in the asset's own format under its own name.
-    ``executor``: where they are made; none: here. Errors: MeshError for an asset, or for a copy, that cannot be marked;
+    ``profile`` None: that of the copies that there are of this asset, or else the default. ``executor``: where they are
+    made; none: here. Errors: MeshError for an asset, or for a copy, that cannot be marked;
     LedgerError, also where the ledger knows another asset under this file's name; BackendError when a worker dies or
     another process writes there. What was entered before an error stays.
     """
     asset = open_asset(path)
-    order = _order(asset, key, Path(out), profile, n_bits)
     wanted = list(names)
     known = ledger.copies()
+    order = _order(asset, key, Path(out), known, profile, n_bits)
     _check_unchanged(order, known)
     folder = Path(order.folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -182,8 +183,13 @@ def _edition(order: Order) -> Edition:
     return Edition(asset, order.watermark, order.key)
 
 
-def _order(asset: Asset, key: Key, out: Path, profile: str, n_bits: int | None) -> Order:
-    digest, mark = asset_digest(asset), copies_watermark(profile, n_bits)
+def _order(asset: Asset, key: Key, out: Path, known: Iterable[Copy], profile: str | None, n_bits: int | None) -> Order:
+    digest = asset_digest(asset)
+    if profile is None:
+        mine = [(copy.profile, copy.n_bits) for copy in known if copy.asset == digest]
+        profile, bits = mine[0] if mine else (DEFAULT_PROFILE, None)
+        n_bits = n_bits or bits
+    mark = copies_watermark(profile, n_bits)
     return Order(str(asset.path), digest, profile, mark.n_bits, asset_key(key, digest), str(out / asset.name))
 
 

@@ -12,7 +12,7 @@ from o3dmark.files import Asset, Part
 from o3dmark.marking.embedding import mesh_of
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import MeshArrays, Surface, check_precision
-from o3dmark.profiles import one_layer
+from o3dmark.profiles import PROFILES, separate
 from o3dmark.watermark import Watermark
 
 _SIZES = (4, 2, 1)  # message bytes to try when the message in hand fits no profile
@@ -27,8 +27,8 @@ def advice(asset: Asset, watermark: Watermark, message: str, key: Key) -> str:
     if not usable:
         return ""
     part = max(usable, key=lambda part: len(part.triangles))
-    profiles = one_layer()
-    others = {name: mark for name, mark in profiles.items() if mark != watermark}
+    profiles = {name: PROFILES[name] for name in separate()}
+    others = {name: mark for name, mark in profiles.items() if not _holds_no_more(mark, watermark)}
     for name, mark in others.items():
         if _holds(part, mark, message, key):
             return f"--profile {name} holds this message in this mesh"
@@ -40,6 +40,11 @@ def advice(asset: Asset, watermark: Watermark, message: str, key: Key) -> str:
                 bits = "" if fewer == mark else f" --n-bits {fewer.n_bits}"
                 return f"--profile {name}{bits} holds a message of {size} byte{'s' if size > 1 else ''} in this mesh"
     return f"none of the profiles {', '.join(profiles)} holds even one byte in this mesh"
+
+
+def _holds_no_more(other: Watermark, watermark: Watermark) -> bool:
+    """Whether another watermark is this one, or has it as a layer."""
+    return any(replace(other, method=each) == watermark for each in (other.method, *other.method.layers.values()))
 
 
 def _is_usable(part: Part) -> bool:

@@ -7,7 +7,7 @@ from o3dmark.coding.keys import Key
 from o3dmark.errors import ConversionError, MeshError, O3dmarkError, SpecError
 from o3dmark.files import Asset
 from o3dmark.marking.embedding import Marked, embed
-from o3dmark.profiles import DEFAULT_PROFILE, one_layer
+from o3dmark.profiles import PROFILES, separate
 
 
 class Chosen(NamedTuple):
@@ -28,10 +28,9 @@ def embed_by_any(
     """
     refused: dict[str, str] = {}
     first: O3dmarkError | None = None
-    profiles = one_layer()
-    for profile in sorted(profiles, key=lambda each: each != DEFAULT_PROFILE):
+    for profile in separate():
         try:
-            marked = embed(asset, profiles[profile], message, key, name=name, names=names)
+            marked = embed(asset, PROFILES[profile], message, key, name=name, names=names)
         except ConversionError:
             raise
         except (SpecError, MeshError) as error:

@@ -15,7 +15,7 @@ from o3dmark.errors import MeshError, SpecError
 from o3dmark.marking.views import View, views
 from o3dmark.mesh.patch import Patch
 from o3dmark.methods import NO_DEEPER, Depth, Extraction, Method
-from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
+from o3dmark.profiles import DEFAULT_PROFILE, PROFILES, separate
 from o3dmark.watermark import Reading, Watermark
 
 
@@ -181,9 +181,8 @@ class _Look:
 
 
 def _profiles(reference: Any) -> list[str | None]:
-    """All profiles, the default first; beside a reference those that can use it."""
-    names = sorted(PROFILES, key=lambda name: name != DEFAULT_PROFILE)
-    return [name for name in names if reference is None or PROFILES[name].method.takes_reference]
+    """All profiles that read marks of their own, the default first; beside a reference those that can use it."""
+    return [name for name in separate() if reference is None or PROFILES[name].method.takes_reference]
 
 
 def _charge(profile: str | None, count: int) -> int:

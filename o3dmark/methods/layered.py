@@ -3,29 +3,41 @@
 The solid's layer withstands what happens to a whole mesh; a patch needs no more than the part of the surface that
 holds it. Each layer carries all the bits by itself. The patches are written last, into the surface as the first layer
 left it: their waves are too short for the first to notice, and where they are read the first layer does not matter.
-The reader looks at the solid first, so that a whole mesh is read as fast as without patches, and searches it last.
+The reader looks at the solid first, so that a whole mesh is read as fast as without patches. What is not read then is a
+fragment, or a whole that was changed much. An open surface is taken for the first, and patches are asked before the
+solid is searched; a closed one for the second. What comes second is asked too.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from o3dmark.arrays import Bits
+from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.keys import Key
-from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, mesh_arrays, with_vertices
-from o3dmark.mesh.welding import mended
-from o3dmark.methods import METHODS, Depth, Extraction, Method
-from o3dmark.methods.local_patches.method import LocalPatches, Look
-from o3dmark.methods.shape_spectrum.method import Prepared, ShapeSpectrum
+from o3dmark.mesh.welding import mended, open_edges
+from o3dmark.methods import METHODS, Depth, Extraction, Method, Progress, silent
+from o3dmark.methods.local_patches.method import LocalPatches, Look, Room
+from o3dmark.methods.shape_spectrum import method as shape_spectrum
+from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
 
 _CLEAR = 0.7  # coherence of a reading of the solid from which on patches are not asked
 _CERTAIN = 0.9  # the same of the soft bits' mean magnitude, of a reading beside the cover
+
+
+class Prepared(NamedTuple):
+    """A mesh about to be marked: as given, as the solid's writer sees it, and where it has room for patches."""
+
+    mesh: Any
+    solid: shape_spectrum.Prepared
+    room: Room
 
 
 class Seen:
@@ -109,58 +121,77 @@ class Layered(Method):
     def _patches(self, mrms: float) -> LocalPatches:
         return LocalPatches(mrms=mrms, jnd=self.jnd, mirrored=self.mirrored, any_scale=self.any_scale)
 
-    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Any:
-        """See `Method.prepare`: for the solid's layer; patches hang on what it does."""
-        return self._solid.prepare(mesh, n_bits, key)
+    def prepare(self, mesh: Any, n_bits: int, key: Key) -> Prepared:
+        """See `Method.prepare`."""
+        room = self.local.room(mended(Surface.of(mesh)))
+        return Prepared(mesh, self._solid.prepare(mesh, n_bits, key), room)
 
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. A mesh without room for patches is marked as a solid alone; `layers` tell which were.
 
-        Errors: MeshError also where the solid's layer is not read any more beside the patches.
+        So is one whose solid's layer would not be read any more beside the patches.
         """
         message = np.asarray(bits, np.uint8).ravel()
+        if isinstance(mesh, Prepared):
+            return self._with_patches(mesh.mesh, self._solid.embed(mesh.solid, message, key), message, key, mesh.room)
         marked = self._solid.embed(mesh, message, key)
-        surface = mended(Surface.of(marked))
-        before, triangles = mesh_arrays(mesh.mesh if isinstance(mesh, Prepared) else mesh)
+        both = self._with_patches(mesh, marked, message, key, self.local.room(mended(Surface.of(mesh))))
+        return both if np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message) else marked
+
+    def _with_patches(self, cover: Any, marked: Any, message: Bits, key: Key, room: Room) -> Any:
+        """A cover whose solid is marked with patches besides, as many as the budget has left."""
+        before, triangles = mesh_arrays(cover)
         spent = geometry.motion_mrms(before, mesh_arrays(marked)[0], triangles)
         left = float(np.sqrt(max(self.total**2 - spent**2, 0.0)))
-        if not left:
+        if not (left and len(room.places.vertex)):
             return marked
-        done = self._patches(left).marked(surface, message, key)
-        if not done.places:
-            return marked
-        both = with_vertices(marked, surface, done.vertices)
-        if not np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message):
-            raise MeshError(
-                "patches disturb the solid's layer of this mesh; use shape-spectrum alone, or a lower total"
-            )
-        return both
+        surface = mended(Surface.of(marked))
+        done = self._patches(left).marked(surface, message, key, room)
+        return with_vertices(marked, surface, done.vertices) if done.places else marked
+
+    def remade(self, reference: Any, words: Bits, key: Key) -> Any:
+        """See `Method.remade`: in the solid's layer."""
+        return self._solid.remade(reference, words, key)
+
+    def mixture(self, mesh: Any, copies: Any, progress: Progress = silent) -> Mixture:
+        """See `Method.mixture`: by the solid's layer, to which patches are noise."""
+        return self._solid.mixture(mesh, copies, progress)
 
     def observe(self, mesh: Any) -> Seen:
         """See `Method.observe`."""
         return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self.local.observe)
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
-        """See `Method.extract`. The solid at first sight, then patches, then all that the solid's reader tries.
+        """See `Method.extract`. The solid at first sight; then patches, and all that the solid's reader tries.
 
         With the cover as ``reference`` the solid's reader tries all at once. Of the evidence asked for patches have
-        half, and each of the two looks at the solid a quarter.
+        half, and each of the two looks at the solid a quarter, in whatever order they come.
         """
         seen, solid = self.observe(mesh), self._solid
         sight = solid if reference is not None else solid.quick
         first = sight.extract(seen.whole, n_bits, key, reference=reference)
         if not self.search:
             return first
-        clear = first.certainty > _CERTAIN if first.coherence is None else first.coherence > _CLEAR
-        if clear:
-            return first.times(4)
-        patches = self.local.extract(seen.patches, n_bits, key)
+        first = first.times(4)
+        if _is_clear(first):
+            return first
+        whole = reference is None and not open_edges(seen.whole.received)
+        if whole:
+            first = solid.extract(seen.whole, n_bits, key).times(4)
+            if _is_clear(first):
+                return first
+        patches = self.local.extract(seen.patches, n_bits, key).times(2)
         if patches.part:
-            return patches.times(2).beside(first.times(4))
-        if reference is None:
-            first = solid.extract(seen.whole, n_bits, key)
-        return first.times(4).beside(patches.times(2))
+            return patches.beside(first)
+        if reference is None and not whole:
+            first = solid.extract(seen.whole, n_bits, key).times(4)
+        return first.beside(patches)
 
     def capacity(self, mesh: Any) -> int:
         """That of the solid."""
         return self._solid.capacity(mesh)
+
+
+def _is_clear(solid: Extraction) -> bool:
+    """Whether patches need not be asked beside what the solid told."""
+    return solid.certainty > _CERTAIN if solid.coherence is None else solid.coherence > _CLEAR

@@ -15,7 +15,7 @@ The writer sets patches where they are found again and not seen, each as strong 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ from o3dmark.methods._threads import one_thread
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
 from o3dmark.methods.local_patches.measuring import Sampled
-from o3dmark.methods.local_patches.places import Limits, Marked, written
+from o3dmark.methods.local_patches.places import Candidates, Limits, Marked, candidates, written
 from o3dmark.methods.local_patches.search import (
     OUTSIDE,
     REVERSED,
@@ -48,6 +48,13 @@ from o3dmark.registry import option
 _MAX_BITS = 128
 _COARSE = 0.2  # mean edge over the radius, above which a larger one is taken
 _NOISY, _CLEAN = 0.1, 0.97  # agreement over the highest, below and above which patches weigh alike
+
+
+class Room(NamedTuple):
+    """Where a surface has room for patches, and of which radius."""
+
+    radius: float
+    places: Candidates
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +127,22 @@ class LocalPatches(Method):
         return with_vertices(mesh, surface, marked.vertices)
 
     @one_thread()
-    def marked(self, surface: Surface, bits: np.ndarray, key: Key) -> Marked:
-        """A surface with all the patches that it takes, maybe none. Errors: CapacityError for too many bits."""
+    def room(self, surface: Surface) -> Room:
+        """Where a surface, or one that is moved a little, has room for patches, whatever the key and the bits."""
+        sampled = Sampled(FORMATS[self.format], surface, self.radius_on(surface))
+        return Room(sampled.radius, candidates(sampled))
+
+    @one_thread()
+    def marked(self, surface: Surface, bits: np.ndarray, key: Key, room: Room | None = None) -> Marked:
+        """A surface with all the patches that it takes, maybe none. Errors: CapacityError for too many bits.
+
+        ``room``: its own, or that of what it was before a little motion; None: it is worked out.
+        """
         if len(bits) > _MAX_BITS:
             raise CapacityError(len(bits), _MAX_BITS)
         form, most = FORMATS[self.format], Limits(self.mrms * surface.diagonal, self.jnd)
-        sampled = Sampled(form, surface, self.radius_on(surface))
-        return written(sampled, Share.all_of(key, form, len(bits)), bits, most)
+        radius, places = room or self.room(surface)
+        return written(Sampled(form, surface, radius), Share.all_of(key, form, len(bits)), bits, most, places)
 
     def radius_on(self, surface: Surface) -> float:
         """The radius of the patches that a surface gets, in its unit."""

@@ -30,6 +30,13 @@ _LEAST = 1.3  # vertices that may move, over the coefficients
 _SEEN = 0.95  # of a patch that stays below what is said to be seen of it
 
 
+class Candidates(NamedTuple):
+    """Vertices (k,) where patches may stand, the best first, and how much coefficients change a little aside (k,)."""
+
+    vertex: Ints
+    sensitivity: Floats
+
+
 class Place(NamedTuple):
     """A patch in a marked surface: the vertex at its centre, strength, agreement T, and how far it is seen, in jnd."""
 
@@ -55,11 +62,38 @@ class Limits:
     jnd: float
 
 
-def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits) -> Marked:
-    """The surface with as many patches as it takes within the limits; none where it takes none."""
+def candidates(sampled: Sampled) -> Candidates:
+    """Where patches are clear of boundaries; first what is found again well for how strong nobody sees it.
+
+    It hangs on neither key nor bits, and takes most of the time that patches take.
+    """
+    surface, functions = sampled.surface, disk_functions(sampled.form)
+    some = np.unique(np.linspace(0, len(surface.vertices) - 1, _LOOKED_AT).astype(np.int64))
+    patches = sampled.patches(surface.vertices[some], surface.normals[some])
+    whole = sampled.whole(patches)
+    some, patches = some[whole], patches.among(whole)
+    found = coefficients(sampled.grid, patches, functions)
+    square = ((_TURN * functions.order * np.abs(found)) ** 2).sum(axis=1)
+    for across in patches.frames()[:, :2].transpose(1, 0, 2):
+        aside = sampled.patches(patches.centre + _ASIDE * sampled.radius * across, patches.axis)
+        square += (np.abs(coefficients(sampled.grid, aside, functions) - found) ** 2).sum(axis=1)
+    sensitivity = np.sqrt(square / functions.n_real)
+    around = scipy.spatial.cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
+    acuity = Visibility(surface).acuity
+    acuity = np.array([acuity[near].mean() for near in around])
+    order = np.argsort(sensitivity * acuity, kind="stable")
+    order = order[sensitivity[order] < _SENSITIVE * max(sampled.form.strengths)]
+    return Candidates(some[order], sensitivity[order])
+
+
+def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits, places: Candidates) -> Marked:
+    """The surface with as many patches as it takes within the limits; none where it takes none.
+
+    ``places``: its `candidates`, or those of the surface that it was before a little motion.
+    """
     surface = sampled.surface
     visibility = Visibility(surface)
-    pieces = _pieces(sampled, *_by_merit(sampled, visibility))
+    pieces = _pieces(sampled, *places)
     plans = [
         _Choices(piece, sensitivity, shares[i % len(shares)], bits) for i, (piece, sensitivity) in enumerate(pieces)
     ]
@@ -67,7 +101,7 @@ def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits)
     for choices in plans:
         look[choices.piece.number[choices.piece.held]] = choices.first[choices.piece.held]
     seen = visibility.local(surface.moved(look))
-    vertices, places, square = surface.vertices.copy(), [], 0.0
+    vertices, taken, square = surface.vertices.copy(), [], 0.0
     for choices in sorted(plans, key=lambda each: each.square):
         found = choices.within(float(np.quantile(seen[choices.piece.number[choices.piece.held]], _SEEN)), most.jnd)
         if found is None:
@@ -79,10 +113,10 @@ def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits)
             continue
         square += cost
         vertices[choices.piece.number] = done.vertices
-        places.append(
+        taken.append(
             Place(int(choices.piece.number[choices.piece.centre]), plan.share.kind, plan.strength, agreement, jnd)
         )
-    return Marked(vertices, places)
+    return Marked(vertices, taken)
 
 
 class _Choices:
@@ -108,27 +142,6 @@ class _Choices:
                 if seen <= most:
                     return plan, agreement, seen
         return None
-
-
-def _by_merit(sampled: Sampled, visibility: Visibility) -> tuple[Ints, Floats]:
-    """Vertices (k,) where patches are clear of boundaries, and their sensitivities (k,): rms changes of coefficients as
-    one looks a little aside. First those that are found again well for how strong nobody sees them."""
-    surface, functions = sampled.surface, disk_functions(sampled.form)
-    some = np.unique(np.linspace(0, len(surface.vertices) - 1, _LOOKED_AT).astype(np.int64))
-    patches = sampled.patches(surface.vertices[some], surface.normals[some])
-    whole = sampled.whole(patches)
-    some, patches = some[whole], patches.among(whole)
-    found = coefficients(sampled.grid, patches, functions)
-    square = ((_TURN * functions.order * np.abs(found)) ** 2).sum(axis=1)
-    for across in patches.frames()[:, :2].transpose(1, 0, 2):
-        aside = sampled.patches(patches.centre + _ASIDE * sampled.radius * across, patches.axis)
-        square += (np.abs(coefficients(sampled.grid, aside, functions) - found) ** 2).sum(axis=1)
-    sensitivity = np.sqrt(square / functions.n_real)
-    around = scipy.spatial.cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
-    acuity = np.array([visibility.acuity[near].mean() for near in around])
-    order = np.argsort(sensitivity * acuity, kind="stable")
-    order = order[sensitivity[order] < _SENSITIVE * max(sampled.form.strengths)]
-    return some[order], sensitivity[order]
 
 
 def _pieces(sampled: Sampled, vertices: Ints, sensitivities: Floats) -> list[tuple[Piece, float]]:
