@@ -18,7 +18,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # From the ground up. A module, or a package with all its files, imports from lower lines only, and within itself.
 LAYERS = """
-    _version arrays errors
+    _version arrays errors threads
     registry
     mesh coding
     solid files received motion

@@ -7,12 +7,14 @@ import pytest
 from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import (
+    MeshArrays,
     Surface,
     TriangleMesh,
     check_precision,
     float_steps,
     is_cloud,
     legacy_cloud,
+    legacy_mesh,
     mesh_arrays,
     point_cloud,
     triangle_mesh,
@@ -159,6 +161,28 @@ def test_with_vertices_carries_everything_through(dressed):
     np.testing.assert_array_equal(np.asarray(marked.vertices)[-1], [9, 9, 9])
     for name in ("triangles", "vertex_colors", "triangle_uvs", "triangle_material_ids"):
         np.testing.assert_array_equal(getattr(marked, name), getattr(dressed, name), err_msg=name)
+
+
+def test_arrays_are_a_mesh_without_open3d(dressed):
+    arrays = mesh_arrays(dressed)
+    surface = Surface.of(arrays)
+    np.testing.assert_array_equal(surface.vertices, Surface.of(dressed).vertices)
+    marked = with_vertices(arrays, surface, surface.vertices * [1.0, 2.0, 3.0])
+    assert isinstance(marked, MeshArrays)
+    as_mesh = with_vertices(dressed, surface, surface.vertices * [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(marked.vertices, as_mesh.vertices)
+    np.testing.assert_array_equal(marked.triangles, as_mesh.triangles)
+    np.testing.assert_array_equal(arrays.vertices, dressed.vertices)
+    np.testing.assert_array_equal(legacy_mesh(marked).vertices, marked.vertices)
+    copied = mesh_arrays(arrays)
+    copied.vertices[:] = 0.0
+    np.testing.assert_array_equal(arrays.vertices, dressed.vertices)
+    assert not is_cloud(arrays)
+
+
+def test_a_tuple_of_arrays_is_no_mesh():
+    with pytest.raises(MeshError, match="not tuple"):
+        Surface.of((VERTICES, TRIANGLES))
 
 
 def test_normals_follow_the_surface_where_there_were_some(dressed):

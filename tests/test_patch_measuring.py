@@ -8,8 +8,6 @@ from fixtures.attacked import grid
 from fixtures.shapes import icosphere, rotation
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, mesh_arrays
-from o3dmark.methods import _threads
-from o3dmark.methods._threads import in_parts
 from o3dmark.methods.local_patches import measuring
 from o3dmark.methods.local_patches.disk import DiskFunctions, disk_functions
 from o3dmark.methods.local_patches.format import FORMATS, smooth_end
@@ -353,32 +351,6 @@ def test_a_grid_of_far_points_does_not_fill_the_memory(sampled: Sampled, functio
     patch = sampled.patches(sampled.surface.vertices[SOME[:1]], sampled.surface.normals[SOME[:1]])
     one, other = (coefficients(each, patch, functions) for each in (sampled.grid, wide))
     np.testing.assert_allclose(one, other, atol=1e-10)
-
-
-@pytest.mark.parametrize("cores", [1, 3])
-@pytest.mark.parametrize("count", [0, 1, 63, 64, 65, 1000])
-def test_parts_cover_every_item_once(count: int, cores: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_threads.os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
-    done, parts = np.zeros(count, int), []
-
-    def work(start: int, stop: int) -> None:
-        done[start:stop] += 1
-        parts.append((start, stop))
-
-    in_parts(count, work)
-    assert np.array_equal(done, np.ones(count, int))
-    assert len(parts) == (1 if count < 64 or cores == 1 else 4 * cores)
-
-
-def test_what_goes_wrong_in_a_part_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_threads.os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
-
-    def work(start: int, stop: int) -> None:
-        if start:
-            raise ValueError("of a later part")
-
-    with pytest.raises(ValueError, match="of a later part"):
-        in_parts(100, work)
 
 
 def test_a_first_look_at_a_surface_whose_triangles_are_all_cut(functions: DiskFunctions) -> None:

@@ -137,3 +137,29 @@ def test_a_class_is_found_by_its_file_being_there(tmp_path: Path, monkeypatch: p
     assert "found_by_being_there.one" not in sys.modules
     assert list(package.R) == ["one"]
     assert package.R.make("one").name == "one"
+
+
+def test_a_name_is_looked_for_in_its_own_module_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Others are imported for a name that no module has, and for the list of all."""
+    folder = tmp_path / "looked_into"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("from o3dmark.registry import Registry\nR = Registry('thing', __name__)\n")
+    names = {"the_first": ["the-first", "another"], "second": ["second"], "_third": []}
+    for module, made in names.items():
+        classes = [f"@R.register({n!r})\n@dataclass(frozen=True)\nclass C{k}:\n    pass\n" for k, n in enumerate(made)]
+        head = "from dataclasses import dataclass\nfrom looked_into import R\n"
+        (folder / f"{module}.py").write_text(head + "".join(classes))
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = __import__("looked_into").R
+
+    def imported() -> set[str]:
+        return {name.partition(".")[2] for name in sys.modules if name.startswith("looked_into.")}
+
+    assert registry["the-first"].name == "the-first"
+    assert imported() == {"the_first"}
+    assert registry["another"].name == "another"
+    assert imported() == {"the_first"}
+    with pytest.raises(SpecError, match="another, second, the-first"):
+        registry["_third"]
+    assert imported() == {"the_first", "second"}
+    assert list(registry) == ["another", "second", "the-first"]

@@ -10,8 +10,7 @@ from multiprocessing import active_children, get_context
 from typing import Any
 
 from o3dmark.errors import BackendError
-
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+from o3dmark.threads import VARIABLES
 
 
 class ProcessPool(Executor):
@@ -61,8 +60,8 @@ class ProcessPool(Executor):
 @contextmanager
 def process_pool(workers: int) -> Iterator[ProcessPool]:
     """A pool of processes, ended at the end of the block; at once where that ends with an error or an interrupt."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    before = {name: os.environ.get(name) for name in VARIABLES}
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))
     pool = ProcessPool(workers)
     try:
         yield pool

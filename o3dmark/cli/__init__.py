@@ -20,6 +20,7 @@ from o3dmark.cli.meshes import attack, compare, saliency, synth, view
 from o3dmark.cli.owner import detect, embed, extract, keygen
 from o3dmark.cli.tracing import issue, trace
 from o3dmark.errors import BackendError, O3dmarkError
+from o3dmark.threads import load_with_one_thread
 
 __all__ = ["app", "commands", "main"]
 
@@ -43,6 +44,7 @@ _UsageError: Any = typer.BadParameter.__base__  # its own module differs between
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code."""
+    load_with_one_thread()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         code = app(words, standalone_mode=False) or 0

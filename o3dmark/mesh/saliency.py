@@ -15,7 +15,6 @@ Lee's saliency has no unit, that of one scale the unit of curvature. The boundin
 rotation changes epsilon a little.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +29,7 @@ from o3dmark.mesh import curvature, geometry
 from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud
 from o3dmark.registry import option
+from o3dmark.threads import cores
 
 LEE_SCALES = (2.0, 3.0, 4.0, 5.0, 6.0)  # the paper's
 _CLOUD_NEIGHBOURS = 12  # for a cloud's curvature: two rings would be 18, one 6
@@ -129,7 +129,7 @@ def gaussian_means(points: Floats, values: Floats, sigmas: Floats) -> Floats:
         return len(found)
 
     step = max(1, int(_PAIRS_AT_ONCE / max(gather(0, min(8, len(centres))), 1) * 8 / 4))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         bounds = [*range(0, len(centres), step), len(centres)]
         list(pool.map(gather, bounds[:-1], bounds[1:]))
     return means.T[inverse]

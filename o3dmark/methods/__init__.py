@@ -199,7 +199,7 @@ class Method(abc.ABC):
 
     @abc.abstractmethod
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
-        """A copy of ``mesh`` (Open3D triangle mesh, or what `prepare` returns) that carries ``bits`` (n,).
+        """A copy of ``mesh`` (Open3D's, `MeshArrays`, or what `prepare` returns) that carries ``bits`` (n,).
 
         Errors: MeshError for a mesh that cannot carry a mark, CapacityError (says how many fit) for too many bits.
         """

@@ -14,8 +14,8 @@ from o3dmark.errors import CapacityError, MeshError
 from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import Extraction, Method
 from o3dmark.methods._distortion import with_mrms, within_mrms
-from o3dmark.methods._threads import one_thread
 from o3dmark.registry import option
+from o3dmark.threads import one_thread
 
 
 @dataclass(frozen=True, eq=False)

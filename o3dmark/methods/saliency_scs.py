@@ -41,8 +41,8 @@ from o3dmark.mesh.surface import Surface, with_vertices
 from o3dmark.methods import METHODS, Extraction, Method
 from o3dmark.methods._distortion import MRMS_MARGIN, estimated_mrms
 from o3dmark.methods._remembered import Remembered
-from o3dmark.methods._threads import one_thread
 from o3dmark.registry import option
+from o3dmark.threads import one_thread
 
 
 @dataclass(frozen=True)

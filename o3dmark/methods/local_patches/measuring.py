@@ -21,10 +21,10 @@ from o3dmark.arrays import Bools, Complexes, Floats, Ints
 from o3dmark.mesh import geometry
 from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import Surface
-from o3dmark.methods._threads import in_parts
 from o3dmark.methods.local_patches.disk import DiskFunctions
 from o3dmark.methods.local_patches.format import PatchFormat, smooth_end
 from o3dmark.solid.quadrature import Rule, Samples, rule
+from o3dmark.threads import in_parts
 
 _CELL = 0.4  # side of the grid's cells, over the radius
 _MOST_CELLS = 1 << 22

@@ -27,7 +27,6 @@ from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Depth, Extraction, Method
-from o3dmark.methods._threads import one_thread
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
 from o3dmark.methods.local_patches.measuring import Sampled
@@ -44,6 +43,7 @@ from o3dmark.methods.local_patches.search import (
     radii_of_any_scale,
 )
 from o3dmark.registry import option
+from o3dmark.threads import one_thread
 
 _MAX_BITS = 128
 _COARSE = 0.2  # mean edge over the radius, above which a larger one is taken

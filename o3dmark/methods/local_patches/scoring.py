@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 
 from o3dmark.arrays import Complexes, Floats
-from o3dmark.methods._threads import in_parts
 from o3dmark.methods.local_patches.codewords import Share
+from o3dmark.threads import in_parts
 
 _PROMISING = 1.4  # agreement of the pilots, over the root of their number, below which carriers are not looked at
 

@@ -39,7 +39,6 @@ from o3dmark.mesh.reconstruction import surface_of_points
 from o3dmark.mesh.surface import Surface, is_cloud, legacy_cloud, with_vertices
 from o3dmark.mesh.welding import mended
 from o3dmark.methods import METHODS, Extraction, Method, Progress, silent
-from o3dmark.methods._threads import one_thread
 from o3dmark.methods.shape_spectrum.decoder import Decoder
 from o3dmark.methods.shape_spectrum.format import FORMATS
 from o3dmark.methods.shape_spectrum.projections import Projections
@@ -47,6 +46,7 @@ from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
 from o3dmark.solid.solid import Solid
 from o3dmark.solid.spectrum import Band
+from o3dmark.threads import one_thread
 
 if TYPE_CHECKING:  # what a reader without the cover needs not, and would wait for, is imported where it is used
     from o3dmark.methods.shape_spectrum.embedder import Cover
