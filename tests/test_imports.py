@@ -68,6 +68,15 @@ def test_a_mark_is_written_without_open3d(tmp_path: Path, owner: Path) -> None:
     assert not imported(*words) & PICTURES_AND_TOOLS
 
 
+def test_a_copy_is_issued_and_traced_without_open3d(tmp_path: Path, owner: Path) -> None:
+    (tmp_path / "buyers.csv").write_text("name\nb1\n")
+    common = ("--ledger", tmp_path / "copies.db", "--key", owner)
+    words = ("--to", tmp_path / "buyers.csv", "--out", tmp_path, "--profile", "robust-2026", "--workers", 1)
+    assert not imported("issue", MARKED, *words, *common) & PICTURES_AND_TOOLS
+    (copy,) = (tmp_path / MARKED.name).rglob(MARKED.name)
+    assert not imported("trace", copy, *common) & {*PICTURES_AND_TOOLS, "numba"}
+
+
 def test_what_needs_open3d_imports_it(tmp_path: Path) -> None:
     """So that the tests above would see it."""
     assert "open3d" in imported("attack", MARKED, tmp_path / "out.ply", "identity")

@@ -17,6 +17,7 @@ from o3dmark.errors import MeshError, O3dmarkError
 
 if TYPE_CHECKING:
     from o3dmark.copies import Copy, Named, Trace, Tracer
+    from o3dmark.evidence import Evidence
 
 _MISSING_SHOWN = 5  # names of copies that are elsewhere
 
@@ -90,7 +91,6 @@ def trace(
     from o3dmark.cli._running import bar
     from o3dmark.coding.keys import Key
     from o3dmark.copies import Ledger, Tracer, suspects
-    from o3dmark.evidence import Evidence
     from o3dmark.files import check_free, open_asset
     from o3dmark.methods import Depth
 
@@ -103,7 +103,7 @@ def trace(
             copies += opened.copies()
     cover = None if reference is None else open_asset(reference)
     answers: list[Trace | None] = []
-    evidence = None if report is None else Evidence(files)
+    evidence = None if report is None else _evidence(files)
     with bar() as shown:
         task = shown.add_task("copies made again", total=None, visible=False)
         tracer = Tracer.of(
@@ -126,6 +126,12 @@ def trace(
         evidence.write(report, ledger, shlex.join(["o3dmark", *map(_shown, sys.argv[1:])]))
     if not any(answer.found for answer in answers if answer is not None):
         raise typer.Exit(3 if None in answers else 1)
+
+
+def _evidence(files: Path | None) -> "Evidence":
+    from o3dmark.evidence import Evidence  # and with it all that draws
+
+    return Evidence(files)
 
 
 def _shown(name: str) -> str:
