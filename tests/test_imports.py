@@ -63,9 +63,10 @@ def test_a_mark_is_read_on_arrays_alone(tmp_path: Path, owner: Path, ending: str
     assert not imported("detect", source, "--key", owner, "--message", MESSAGE, *words) & unwanted
 
 
-def test_a_mark_is_written_without_open3d(tmp_path: Path, owner: Path) -> None:
-    words = ("embed", MARKED, tmp_path / "out.ply", "--key", owner, "--message", "me", "--profile", "robust-2026")
-    assert not imported(*words) & PICTURES_AND_TOOLS
+@pytest.mark.parametrize("words", [(), ("--profile", "robust-2026")], ids=["any profile", "a profile"])
+def test_a_mark_is_written_without_open3d(tmp_path: Path, owner: Path, words: tuple[str, ...]) -> None:
+    command = ("embed", MARKED, tmp_path / "out.ply", "--key", owner, "--message", "me")
+    assert not imported(*command, *words) & PICTURES_AND_TOOLS
 
 
 def test_a_copy_is_issued_and_traced_without_open3d(tmp_path: Path, owner: Path) -> None:

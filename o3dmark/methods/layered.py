@@ -10,7 +10,7 @@ solid is searched; a closed one for the second. What comes second is asked too.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,11 +22,13 @@ from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, mesh_arrays, with_vertices
 from o3dmark.mesh.welding import mended, open_edges
 from o3dmark.methods import METHODS, Depth, Extraction, Method, Progress, silent
-from o3dmark.methods.local_patches.method import LocalPatches, Look, Room
 from o3dmark.methods.shape_spectrum import method as shape_spectrum
 from o3dmark.methods.shape_spectrum.method import ShapeSpectrum
 from o3dmark.methods.shape_spectrum.search import Hypotheses
 from o3dmark.registry import option
+
+if TYPE_CHECKING:  # the patches' layer is imported when it is asked: a whole mesh is read without it
+    from o3dmark.methods.local_patches.method import LocalPatches, Look, Room
 
 _CLEAR = 0.7  # coherence of a reading of the solid from which on patches are not asked
 _CERTAIN = 0.9  # the same of the soft bits' mean magnitude, of a reading beside the cover
@@ -37,18 +39,18 @@ class Prepared(NamedTuple):
 
     mesh: Any
     solid: shape_spectrum.Prepared
-    room: Room
+    room: "Room"
 
 
 class Seen:
     """What a mesh shows to either layer; what patches show is worked out when it is first asked for."""
 
-    def __init__(self, whole: Hypotheses, look: Callable[[Surface], Look]) -> None:
+    def __init__(self, whole: Hypotheses, look: "Callable[[Surface], Look]") -> None:
         self.whole, self._look = whole, look
         self._patches: Look | None = None
 
     @property
-    def patches(self) -> Look:
+    def patches(self) -> "Look":
         if self._patches is None:
             self._patches = self._look(self.whole.received)
         return self._patches
@@ -110,7 +112,7 @@ class Layered(Method):
         return {"solid": self._solid, "patches": self.local}
 
     @property
-    def local(self) -> LocalPatches:
+    def local(self) -> "LocalPatches":
         """See `Method.local`: the patches' layer."""
         return self._patches(self.total)
 
@@ -118,7 +120,9 @@ class Layered(Method):
     def _solid(self) -> ShapeSpectrum:
         return ShapeSpectrum(mrms=self.mrms, jnd=self.jnd, search=self.search)
 
-    def _patches(self, mrms: float) -> LocalPatches:
+    def _patches(self, mrms: float) -> "LocalPatches":
+        from o3dmark.methods.local_patches.method import LocalPatches
+
         return LocalPatches(mrms=mrms, jnd=self.jnd, mirrored=self.mirrored, any_scale=self.any_scale)
 
     def prepare(self, mesh: Any, n_bits: int, key: Key) -> Prepared:
@@ -138,7 +142,7 @@ class Layered(Method):
         both = self._with_patches(mesh, marked, message, key, self.local.room(mended(Surface.of(mesh))))
         return both if np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message) else marked
 
-    def _with_patches(self, cover: Any, marked: Any, message: Bits, key: Key, room: Room) -> Any:
+    def _with_patches(self, cover: Any, marked: Any, message: Bits, key: Key, room: "Room") -> Any:
         """A cover whose solid is marked with patches besides, as many as the budget has left."""
         before, triangles = mesh_arrays(cover)
         spent = geometry.motion_mrms(before, mesh_arrays(marked)[0], triangles)
@@ -159,7 +163,9 @@ class Layered(Method):
 
     def observe(self, mesh: Any) -> Seen:
         """See `Method.observe`."""
-        return mesh if isinstance(mesh, Seen) else Seen(self._solid.observe(mesh), self.local.observe)
+        if isinstance(mesh, Seen):
+            return mesh
+        return Seen(self._solid.observe(mesh), lambda surface: self.local.observe(surface))
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """See `Method.extract`. The solid at first sight; then patches, and all that the solid's reader tries.
