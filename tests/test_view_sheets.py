@@ -60,9 +60,9 @@ def test_the_displacement_panel_says_what_it_draws(spot, monkeypatch):
     mirrors = ["Original, as a mirror", "Marked, as a mirror"]
     assert [panel.title for panel in panels] == ["Original", "Marked", "Displacement", *mirrors, "Attacked"]
     marked, displacement, attacked = panels[1], panels[2], panels[5]
-    assert "0.1 · 10⁻³" in marked.caption
+    assert "0.01 % of the diagonal" in marked.caption
     assert displacement.caption == "drawn 100 times as large as it is"
-    np.testing.assert_allclose(displacement.scalars[:2], [0.1, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(displacement.scalars[:2], [0.01, 0.0], rtol=1e-9)
     np.testing.assert_allclose(mesh_arrays(displacement.mesh)[0], mesh_arrays(shifted(spot, 1e-2 * diagonal))[0])
     assert displacement.limits[0] == 0
     assert marked.frame is displacement.frame
@@ -92,7 +92,7 @@ def test_a_displacement_needs_as_many_vertices(spot, ball):
 def test_the_distance_sheet_measures_by_the_marked_meshs_diagonal(spot, ball, monkeypatch):
     panels = panels_of(monkeypatch)
     distance_sheet(ball, spot, np.full(len(spot.vertices), 0.5))
-    expected = 500 / geometry.diagonal(mesh_arrays(ball)[0])
+    expected = 50 / geometry.diagonal(mesh_arrays(ball)[0])
     np.testing.assert_allclose(panels[2].scalars, expected)
     with pytest.raises(MeshError, match="one number to each"):
         distance_sheet(ball, spot, np.zeros(3))

@@ -3,22 +3,16 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from o3dmark.arrays import Floats
-from o3dmark.errors import MeshError
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import mesh_arrays
 from o3dmark.view.camera import THREE_QUARTER, Camera
-from o3dmark.view.colours import checked_scalars, colour_limits
+from o3dmark.view.colours import checked_scalars
+from o3dmark.view.displacement import PERCENT, Displacement, from_zero
 from o3dmark.view.model import n_vertices, positions, shape_of
 from o3dmark.view.render import Image
 from o3dmark.view.sheet import Panel, sheet
-
-VISIBLE = 0.01  # over the diagonal: length of an exaggerated displacement that one sees
-ROUNDING = 1e-9  # over the diagonal: what moved less did not move
-PER_MILLE = "10⁻³ of the bounding-box diagonal"
 
 
 def comparison_sheet(
@@ -42,22 +36,23 @@ def comparison_sheet(
     pose and size that the attack left, fitted by itself. attack: what was done, a caption. notes: lines of text.
     Errors: MeshError when cover and marked differ in vertex count or a mesh cannot be drawn.
     """
-    lengths, factor, exaggerated = _displacement(cover, marked, exaggeration)
+    displacement = Displacement.of(cover, marked)
+    lengths, factor = displacement.lengths, displacement.factor if exaggeration is None else exaggeration
     original = shape_of(cover)
     panels = [
         Panel("Original", original, _counts(cover)),
         Panel(
-            "Marked", marked, f"no vertex moved by more than {lengths.max():.2g} · 10⁻³ of the diagonal", frame=original
+            "Marked", marked, f"no vertex moved by more than {lengths.max():.2g} % of the diagonal", frame=original
         ),
     ]
     others = [
         Panel(
             "Displacement",
-            exaggerated,
+            displacement.exaggerated(factor),
             f"drawn {factor:g} times as large as it is" if lengths.any() else "none",
             lengths,
-            f"length, {PER_MILLE}",
-            _from_zero(lengths),
+            f"displacement, {PERCENT}",
+            from_zero(lengths),
             "plasma",
             original,
         ),
@@ -93,40 +88,13 @@ def distance_sheet(
     back first. Errors: MeshError when the distances do not fit or a mesh cannot be drawn.
     """
     before, after = shape_of(marked), shape_of(attacked)
-    lengths = checked_scalars(distances, n_vertices(after)) / (geometry.diagonal(positions(before)) * 1e-3)
+    lengths = checked_scalars(distances, n_vertices(after)) / (geometry.diagonal(positions(before)) / 100.0)
     panels = [
         Panel(names[0], before, _counts(marked)),
         Panel(names[1], after, attack or _counts(attacked), frame=before),
-        Panel("Distance", after, "", lengths, f"distance, {PER_MILLE}", _from_zero(lengths), "plasma", before),
+        Panel("Distance", after, "", lengths, f"distance, {PERCENT}", from_zero(lengths), "plasma", before),
     ]
     return sheet(panels, title=title, notes=notes, camera=camera, width=width)
-
-
-def _displacement(cover: Any, marked: Any, exaggeration: float | None) -> tuple[Floats, float, Any]:
-    """Length of each vertex's displacement (n,) in 10^-3 of the diagonal, the factor, and the cover moved so much."""
-    (before, triangles), (after, _) = mesh_arrays(cover), mesh_arrays(marked)
-    if before.shape != after.shape:
-        raise MeshError(
-            f"{len(before)} vertices in the cover and {len(after)} in the marked mesh: a displacement needs as many"
-            " in both; distance_sheet compares other meshes"
-        )
-    lengths = np.linalg.norm(after - before, axis=1) / geometry.diagonal(positions(shape_of(cover)))
-    moved = lengths[lengths > ROUNDING]
-    if exaggeration is None:
-        exaggeration = _round_factor(VISIBLE / float(np.percentile(moved, 98))) if len(moved) else 1.0
-    return lengths * 1e3, exaggeration, triangle_mesh(before + exaggeration * (after - before), triangles)
-
-
-def _from_zero(lengths: Floats) -> tuple[float, float]:
-    """Colour limits for lengths: from zero to where their long tail begins."""
-    return 0.0, colour_limits(np.append(lengths, 0.0))[1]
-
-
-def _round_factor(factor: float) -> float:
-    """The greatest of 1, 2, 5, 10, 20, ... that is not above ``factor``; 1 at least."""
-    factor = max(factor, 1.0) * (1 + 1e-9)  # 99.999... is 100
-    power = 10.0 ** np.floor(np.log10(factor))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= factor))
 
 
 def _counts(mesh: Any) -> str:
