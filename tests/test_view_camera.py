@@ -5,6 +5,7 @@ import open3d as o3d
 import pytest
 
 from fixtures.pictures import SMALL, covered
+from o3dmark.errors import SpecError
 from o3dmark.mesh.surface import TriangleMesh
 from o3dmark.view import (
     Camera,
@@ -55,3 +56,17 @@ def test_zoom_magnifies(sphere):
 def test_a_bad_camera_is_refused(bad):
     with pytest.raises(ValueError, match=r"camera|up should"):
         Camera(**bad)
+
+
+def test_a_camera_in_words():
+    assert Camera.parse("front") == Camera(0, 0)
+    assert Camera.parse("-30, 12.5") == Camera(-30, 12.5)
+    assert Camera.parse("top,z") == Camera(0, 90, up="z")
+    for name, way in {"right": [1, 0, 0], "back": [0, 0, -1], "left": [-1, 0, 0], "top": [0, 1, 0]}.items():
+        np.testing.assert_allclose(Camera.parse(name).axes[2], way, atol=1e-12)
+
+
+@pytest.mark.parametrize("text", ["", "up", "1", "1,2,3", "front,1", "nan,0", "1,2,w", "z", "1,2,z,z"])
+def test_other_words_are_no_camera(text):
+    with pytest.raises(SpecError, match="AZIMUTH,ELEVATION"):
+        Camera.parse(text)

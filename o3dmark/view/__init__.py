@@ -6,6 +6,7 @@
     distance_sheet      marked, attacked, distances
     patches_panel       mesh, patches found in it        -> a panel, from the side that shows most of them
     sheet               panels of one's own choice
+    best_side           mesh, scalars                    -> the camera that sees most of it, or of them
     coloured            mesh or point cloud, scalars     -> a copy with vertex colours
     save_png, jpeg      a picture as a file, or as the bytes of one
     show                a window, where there is a screen
@@ -19,12 +20,14 @@ from o3dmark.view.comparison import comparison_sheet, distance_sheet
 from o3dmark.view.patches import patches_panel
 from o3dmark.view.render import Image, jpeg, render, save_png
 from o3dmark.view.sheet import Panel, render_scalars, sheet
+from o3dmark.view.side import best_side
 from o3dmark.view.window import show
 
 __all__ = [
     "Camera",
     "Image",
     "Panel",
+    "best_side",
     "coloured",
     "comparison_sheet",
     "distance_sheet",

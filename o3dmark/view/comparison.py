@@ -41,9 +41,7 @@ def comparison_sheet(
     original = shape_of(cover)
     panels = [
         Panel("Original", original, _counts(cover)),
-        Panel(
-            "Marked", marked, f"no vertex moved by more than {lengths.max():.2g} % of the diagonal", frame=original
-        ),
+        Panel("Marked", marked, f"no vertex moved by more than {lengths.max():.2g} % of the diagonal", frame=original),
     ]
     others = [
         Panel(

@@ -9,7 +9,6 @@ import open3d as o3d
 
 from o3dmark.arrays import Floats
 from o3dmark.errors import MeshError
-from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import Surface, TriangleMesh, legacy_mesh, mesh_arrays
 from o3dmark.view.colours import colour_limits
 

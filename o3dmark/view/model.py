@@ -19,6 +19,7 @@ Shape: TypeAlias = Surface | PointCloud
 CREASE, HALF_CREASE = np.cos(np.radians(45.0)), np.cos(np.radians(22.5))
 MAX_VALENCE = 64  # triangles around a vertex beyond which each keeps its own normal at a crease: pairs cost memory
 SPLATS = 0.002, 0.02  # smallest and largest radius of a drawn point, over the diagonal
+TRIANGLES_A_POINT = 4  # of the hexagon that a point is drawn as
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,18 +97,24 @@ def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:
     return normals.reshape(-1, 3, 3).astype(np.float32)
 
 
+def splat_radius(points: Floats) -> float:
+    """The radius to draw points (n, 3) with, in a bounding box of a diagonal near 1: as far as they are apart."""
+    gaps = np.asarray(point_cloud(points).compute_nearest_neighbor_distance())
+    return float(np.clip(np.median(gaps) if len(points) > 1 else SPLATS[1], *SPLATS))
+
+
 def _splats(points: Floats, normals: Floats, scalars: Floats | None) -> Model:
     """A hexagon for each point that faces the camera, nearly as wide as points are apart, lit by the point's normal."""
-    gaps = np.asarray(point_cloud(points).compute_nearest_neighbor_distance())
-    radius = np.clip(np.median(gaps) if len(points) > 1 else SPLATS[1], *SPLATS)
+    radius = splat_radius(points)
     angle = np.arange(6) * np.pi / 3
     corners = points[:, None] + radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     fan = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
     triangles = (6 * np.arange(len(points))[:, None, None] + fan).reshape(-1, 3)
     normals = geometry.unit(normals * np.where(normals[:, 2:] < 0, -1.0, 1.0))
+    at_corners = np.broadcast_to(normals[:, None, None], (len(points), TRIANGLES_A_POINT, 3, 3))
     return Model(
         corners.reshape(-1, 3).astype(np.float32),
         triangles,
-        np.broadcast_to(normals[:, None, None], (len(points), 4, 3, 3)).reshape(-1, 3, 3).astype(np.float32),
+        at_corners.reshape(-1, 3, 3).astype(np.float32),
         None if scalars is None else scalars.repeat(6),
     )

@@ -26,9 +26,10 @@ from o3dmark.view.colours import checked_scalars, colour_limits, colours, painte
 from o3dmark.view.model import Model, n_vertices, positions, shape_of
 from o3dmark.view.shading import Hits, open_sky, shade, zebra
 from o3dmark.view.texture import Texture
+from o3dmark.view.worn import worn
 
 Image = NDArray[np.uint8]
-Look: TypeAlias = Literal["clay", "gloss", "zebra", "texture"]
+Look: TypeAlias = Literal["clay", "worn", "gloss", "zebra", "texture"]
 
 SAMPLES = 2  # rays a pixel along each side, so that edges are smooth
 MATERIAL = np.array([0.80, 0.765, 0.72])  # sRGB: a warm grey, like clay
@@ -51,9 +52,10 @@ def render(
 
     scalars: one number a vertex (or point), shown as colours of a matplotlib ``colormap`` that spans ``limits``, by
     default the 2nd to the 98th percentile. frame: the mesh that the camera is fitted to, so that several are drawn
-    alike; by default this one. look: clay; gloss, the same varnished; zebra, a mirror under light tubes, whose stripes
-    show what clay hides; texture, the picture that the mesh wears. Only clay has scalars, or in their place patches,
-    whose surface is coloured. Colours of vertices are not drawn. The same call gives the same picture.
+    alike; by default this one. look: clay; worn, in the mesh's own texture, else its vertices' colours, else clay;
+    texture, which it must have; gloss, clay that is varnished; zebra, a mirror under light tubes, whose stripes show
+    what clay hides. Only clay has scalars, or in their place patches, whose surface is coloured. The same call gives
+    the same picture.
     Errors: MeshError when there is nothing to draw, no texture, or the scalars do not fit; SpecError for an unknown
     colormap.
     """
@@ -83,6 +85,8 @@ def render(
         if not isinstance(shape, Surface):
             raise MeshError("a point cloud has no texture to draw")
         material = Texture.of(mesh, shape).at(hits.triangle, hits.weights)
+    if look == "worn" and (dress := worn(mesh, shape)) is not None:
+        material = dress.at(hits.triangle, hits.weights)
     if look == "zebra":
         light = zebra(hits)
     else:
