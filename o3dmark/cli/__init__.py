@@ -16,9 +16,10 @@ from o3dmark.cli._talk import say
 from o3dmark.cli.campaigns import bench, report
 from o3dmark.cli.catalogue import list_
 from o3dmark.cli.copies import ledger
-from o3dmark.cli.meshes import attack, compare, saliency, synth, view
+from o3dmark.cli.meshes import attack, compare, saliency, synth
 from o3dmark.cli.owner import detect, embed, extract, keygen
 from o3dmark.cli.tracing import issue, trace
+from o3dmark.cli.viewing import view
 from o3dmark.errors import BackendError, O3dmarkError
 from o3dmark.threads import load_with_one_thread
 

@@ -13,6 +13,7 @@ from o3dmark.mesh.patch import Patch
 from o3dmark.mesh.surface import PointCloud, TriangleMesh
 
 PERCENTILES = (2.0, 98.0)  # saliency has long tails: a few extreme vertices would leave one colour for the rest
+SALIENCY = "mesh saliency, no unit"  # what a colour bar says
 PATCH, RIM = np.array([0.84, 0.36, 0.22]), np.array([0.55, 0.16, 0.10])  # sRGB: what a patch holds, and where it ends
 RIM_WIDTH = 0.05  # of the radius
 WALL = 0.3  # cosine of the angle to the axis, below which a surface is a wall

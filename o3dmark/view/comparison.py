@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from o3dmark.mesh import geometry
 from o3dmark.mesh.surface import mesh_arrays
 from o3dmark.view.camera import THREE_QUARTER, Camera
-from o3dmark.view.colours import checked_scalars
-from o3dmark.view.displacement import PERCENT, Displacement, from_zero
+from o3dmark.view.colours import SALIENCY, checked_scalars
+from o3dmark.view.displacement import DISPLACEMENT, Displacement, distance_from, from_zero
 from o3dmark.view.model import n_vertices, positions, shape_of
 from o3dmark.view.render import Image
 from o3dmark.view.sheet import Panel, sheet
@@ -49,7 +49,7 @@ def comparison_sheet(
             displacement.exaggerated(factor),
             f"drawn {factor:g} times as large as it is" if lengths.any() else "none",
             lengths,
-            f"displacement, {PERCENT}",
+            DISPLACEMENT,
             from_zero(lengths),
             "plasma",
             original,
@@ -58,7 +58,7 @@ def comparison_sheet(
     ]
     if saliency is not None:
         values = checked_scalars(saliency, len(lengths))
-        others.insert(0, Panel("Saliency", original, "where the eye is drawn to", values, "mesh saliency"))
+        others.insert(0, Panel("Saliency", original, "where the eye is drawn to", values, SALIENCY))
     mirrors = [
         Panel("Original, as a mirror", original, "under light tubes", look="zebra"),
         Panel("Marked, as a mirror", marked, "stripes would wave where the mark shows", frame=original, look="zebra"),
@@ -90,7 +90,7 @@ def distance_sheet(
     panels = [
         Panel(names[0], before, _counts(marked)),
         Panel(names[1], after, attack or _counts(attacked), frame=before),
-        Panel("Distance", after, "", lengths, f"distance, {PERCENT}", from_zero(lengths), "plasma", before),
+        Panel("Distance", after, "", lengths, distance_from(names[0]), from_zero(lengths), "plasma", before),
     ]
     return sheet(panels, title=title, notes=notes, camera=camera, width=width)
 

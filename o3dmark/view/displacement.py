@@ -15,6 +15,12 @@ from o3dmark.view.colours import colour_limits
 VISIBLE = 0.01  # over the diagonal: length of an exaggerated displacement that one sees
 ROUNDING = 1e-9  # over the diagonal: what moved less did not move
 PERCENT = "% of the bounding-box diagonal"
+DISPLACEMENT = f"displacement, {PERCENT}"
+
+
+def distance_from(name: str) -> str:
+    """What the colour bar of distances from a mesh of that name says."""
+    return f"distance from {name}, {PERCENT}"
 
 
 def agree(one: Any, other: Any) -> bool:

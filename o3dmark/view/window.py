@@ -12,10 +12,11 @@ import open3d as o3d
 from numpy.typing import ArrayLike
 
 from o3dmark.errors import BackendError
-from o3dmark.mesh.surface import PointCloud, TriangleMesh, is_cloud, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import PointCloud, TriangleMesh, is_cloud, legacy_mesh, mesh_arrays, triangle_mesh
 from o3dmark.view.colours import coloured
 from o3dmark.view.model import shape_of
 from o3dmark.view.render import MATERIAL
+from o3dmark.view.worn import has_texture, vertex_colours
 
 GAP = 0.1  # between neighbours, over the diagonal of the one on the left
 
@@ -23,7 +24,8 @@ GAP = 0.1  # between neighbours, over the diagonal of the one on the left
 def show(meshes: Sequence[Any], scalars: Sequence[ArrayLike | None] | None = None, colormap: str = "viridis") -> None:
     """Open a window with the meshes (or point clouds) in a row along x, and wait until it is closed.
 
-    scalars: for each mesh one number a vertex, shown as colours as `render` does, or None for plain grey.
+    scalars: for each mesh one number a vertex, shown as colours as `render` does, or None for its own colours
+    or textures, if it has any.
     Errors: BackendError without a display; MeshError as in `render`.
     """
     scalars = [None] * len(meshes) if scalars is None else scalars
@@ -63,8 +65,19 @@ def has_display() -> bool:
 
 
 def _to_show(mesh: Any, scalars: ArrayLike | None, colormap: str) -> TriangleMesh | PointCloud:
-    """A copy to be lit and moved about, grey without scalars; the mesh's own colours and textures are not shown."""
+    """A copy to be lit and moved about: coloured by scalars, else in its own colours or textures, else grey."""
     shape = shape_of(mesh)
     cloud = is_cloud(shape)
     copy = PointCloud(shape) if cloud else triangle_mesh(*mesh_arrays(mesh)).compute_vertex_normals()
-    return copy.paint_uniform_color(MATERIAL) if scalars is None else coloured(copy, scalars, colormap)
+    if scalars is not None:
+        return coloured(copy, scalars, colormap)
+    own = vertex_colours(mesh)
+    if has_texture(mesh):
+        return TriangleMesh(legacy_mesh(mesh)).compute_vertex_normals()
+    if own is None:
+        return copy.paint_uniform_color(MATERIAL)
+    if cloud:
+        copy.colors = o3d.utility.Vector3dVector(own)
+    else:
+        copy.vertex_colors = o3d.utility.Vector3dVector(own)
+    return copy

@@ -12,8 +12,8 @@ from o3dmark.errors import MeshError
 from o3dmark.mesh.proximity import closest_points
 from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import Surface, mesh_arrays
-from o3dmark.view.colours import beyond, checked_scalars, colour_limits
-from o3dmark.view.displacement import PERCENT, Displacement, agree, from_zero
+from o3dmark.view.colours import SALIENCY, beyond, checked_scalars, colour_limits
+from o3dmark.view.displacement import DISPLACEMENT, Displacement, agree, distance_from, from_zero
 from o3dmark.view.model import Shape, n_vertices, positions, shape_of, splat_radius
 from o3dmark.view.page.buffers import Buffers
 from o3dmark.view.page.corners import Corners
@@ -109,13 +109,13 @@ class Drawn:
         """What can be shown of it as colours, by the names of `content.RAMPS`."""
         found = {}
         if self.moved is not None:
-            found["displacement"] = Quantity(f"displacement, {PERCENT}", *_lengths(self.moved.lengths))
+            found["displacement"] = Quantity(DISPLACEMENT, *_lengths(self.moved.lengths))
         elif self.first is not None and self.unit is self.first.unit and isinstance(self.first.shape, Surface):
             far = 100.0 * closest_points(self.points, self.first.shape).distance / self.first.shape.diagonal
-            found["displacement"] = Quantity(f"distance from {self.first.shown.name}, {PERCENT}", *_lengths(far))
+            found["displacement"] = Quantity(distance_from(self.first.shown.name), *_lengths(far))
         if self.shown.saliency is not None:
             values = checked_scalars(self.shown.saliency, n_vertices(self.shape))
-            found["saliency"] = Quantity("mesh saliency, no unit", values, colour_limits(values))
+            found["saliency"] = Quantity(SALIENCY, values, colour_limits(values))
         return found
 
     @property

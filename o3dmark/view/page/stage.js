@@ -5,6 +5,9 @@ const STEP = Math.PI / 36; // that an arrow key turns
 const ZOOM = 1.1; // that a key or a notch of the wheel magnifies
 const MARGIN = 1.08; // left around the largest shape
 
+/** How far a sphere reaches from the origin. */
+const reach = ({ center, radius }) => center.length() + radius;
+
 export class Stage {
   /** places: the element of each shape, within `element`, whose size says where it is drawn. */
   constructor(element, canvas, places, shapes, scene) {
@@ -20,7 +23,7 @@ export class Stage {
       turned.add(shape.object);
       return new Scene().add(turned);
     });
-    this.radius = Math.max(...shapes.map(({ geometry }) => geometry.boundingSphere.radius + geometry.boundingSphere.center.length()));
+    this.radius = Math.max(...shapes.filter(({ moved }) => !moved).map(({ geometry }) => reach(geometry.boundingSphere)));
     this.camera = new PerspectiveCamera(scene.fieldOfView, 1, 0.01, 100);
     this.controls = new OrbitControls(this.camera, element);
     this.controls.zoomSpeed = 1.5;
