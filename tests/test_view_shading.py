@@ -9,11 +9,11 @@ import pytest
 from fixtures.pictures import FRONT
 from o3dmark.mesh import geometry
 from o3dmark.mesh.rays import scene_of
-from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh
+from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, point_cloud, triangle_mesh
 from o3dmark.view import (
     Camera,
 )
-from o3dmark.view.model import CREASE, HALF_CREASE, Model, corner_normals, shape_of
+from o3dmark.view.model import CREASE, HALF_CREASE, Model, cloud_normals, corner_normals, shape_of
 from o3dmark.view.shading import Hits, open_sky
 
 
@@ -67,3 +67,12 @@ def test_a_convex_shape_sees_all_the_sky_and_the_bottom_of_a_well_little(sphere)
     hits, open_part = sky(triangle_mesh(box, triangles[~lid]), FRONT)  # looking into it
     bottom = hits.points[:, 2] < np.quantile(hits.points[:, 2], 0.05)
     assert open_part[bottom].mean() < 0.6
+
+
+def test_a_cloud_without_normals_has_those_of_its_surface(sphere):
+    points = mesh_arrays(sphere)[0]
+    far = point_cloud(1e-9 * points + 3e-9)
+    assert np.abs(np.einsum("ij,ij->i", cloud_normals(far), points)).min() > 0.9
+    own = point_cloud(points, -points)
+    np.testing.assert_allclose(cloud_normals(own), -points)
+    assert cloud_normals(point_cloud(points[:1])).shape == (1, 3)

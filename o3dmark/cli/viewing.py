@@ -62,7 +62,8 @@ def view(
     assets = [] if key is None else [open_asset(path) for path in meshes]
     shapes = [whole_mesh(asset) for asset in assets] if assets else [read_shape(path) for path in meshes]
     names = [path.name for path in meshes]
-    values = _scalars(scalars, shapes)
+    seen = scalars == "saliency" or png is not None or html is None  # a page finds distances by itself
+    values = _scalars(scalars if seen else None, shapes)
     drawn = shapes if exaggerate is None else _exaggerated(shapes, exaggerate)
     found = None if key is None else _found(key, mark, assets)
     if html is not None:

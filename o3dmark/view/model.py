@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+import open3d as o3d
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ Shape: TypeAlias = Surface | PointCloud
 CREASE, HALF_CREASE = np.cos(np.radians(45.0)), np.cos(np.radians(22.5))
 MAX_VALENCE = 64  # triangles around a vertex beyond which each keeps its own normal at a crease: pairs cost memory
 SPLATS = 0.002, 0.02  # smallest and largest radius of a drawn point, over the diagonal
+NEIGHBOURS = 16  # points of a plane where a cloud has no normals
 TRIANGLES_A_POINT = 4  # of the hexagon that a point is drawn as
 
 
@@ -39,8 +41,7 @@ class Model:
         """``shape`` with ``centre`` moved to the origin and then multiplied by ``to_camera`` (3, 3), from the right."""
         points = (positions(shape) - centre) @ to_camera
         if not isinstance(shape, Surface):
-            facing = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-            return _splats(points, np.asarray(shape.normals) @ to_camera if shape.has_normals() else facing, scalars)
+            return _splats(points, cloud_normals(shape) @ to_camera, scalars)
         normals = corner_normals(points, shape.triangles)
         if scalars is not None:
             used = shape.vertex_map >= 0
@@ -95,6 +96,16 @@ def corner_normals(vertices: Floats, triangles: Ints) -> Float32s:
     sums = sp.csr_array((alike.astype(float), (one, other)), (len(sharp), len(sharp))) @ area[sharp // 3]
     normals[sharp] = geometry.unit(sums)
     return normals.reshape(-1, 3, 3).astype(np.float32)
+
+
+def cloud_normals(cloud: PointCloud) -> Floats:
+    """The normals (n, 3) of a cloud, or where it has none those of planes through its points, of either sign."""
+    if cloud.has_normals():
+        return np.asarray(cloud.normals)
+    points = np.asarray(cloud.points)
+    unit = point_cloud((points - geometry.box_centre(points)) / (geometry.diagonal(points) or 1.0))
+    unit.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+    return np.asarray(unit.normals)
 
 
 def splat_radius(points: Floats) -> float:

@@ -14,7 +14,7 @@ from o3dmark.mesh.similarity import UnitSize
 from o3dmark.mesh.surface import Surface, mesh_arrays
 from o3dmark.view.colours import SALIENCY, beyond, checked_scalars, colour_limits
 from o3dmark.view.displacement import DISPLACEMENT, Displacement, agree, distance_from, from_zero
-from o3dmark.view.model import Shape, n_vertices, positions, shape_of, splat_radius
+from o3dmark.view.model import Shape, cloud_normals, n_vertices, positions, shape_of, splat_radius
 from o3dmark.view.page.buffers import Buffers
 from o3dmark.view.page.corners import Corners
 from o3dmark.view.render import jpeg
@@ -22,6 +22,7 @@ from o3dmark.view.texture import Texture
 from o3dmark.view.worn import has_texture, vertex_colours
 
 PICTURE_QUALITY = 92  # of the JPEG that a texture becomes
+COVERING = 1.5  # times as large as points are apart they cover a surface that was sampled at random, nearly
 NEAR = 0.25  # of the diagonal: how far the centres of boxes may be apart, of half to twice the size, in one frame
 
 
@@ -152,8 +153,8 @@ class Drawn:
 
     def _cloud(self, buffers: Buffers) -> dict[str, Any]:
         shape: Any = self.shape
-        normals = buffers.array(np.asarray(shape.normals), "float32") if shape.has_normals() else None
-        return {"normals": normals, "radius": splat_radius(self.unit.apply(self.points))}
+        radius = COVERING * splat_radius(self.unit.apply(self.points))
+        return {"normals": buffers.array(cloud_normals(shape), "float32"), "radius": radius}
 
     def _counts(self) -> str:
         if not isinstance(self.shape, Surface):

@@ -35,7 +35,7 @@ function makeFigures() {
     const figure = clone("figure");
     figure.querySelector("b").textContent = mesh.name;
     figure.querySelector("small").textContent = mesh.caption;
-    figure.dataset.number = place + 1;
+    figure.setAttribute("aria-label", `${place + 1} ${mesh.name}`);
     byId("stage").append(figure);
     return figure;
   });
@@ -47,7 +47,8 @@ function legend(figure, mesh, look, ramps) {
   const wanted = look in ramps;
   bar.hidden = !quantity;
   figure.querySelector(".without").hidden = !wanted || Boolean(quantity);
-  figure.querySelector(".without").textContent = mesh === scene.meshes[0] ? "what the others are compared with" : `no ${look} to show`;
+  const alone = look === "displacement" && mesh === scene.meshes[0];
+  figure.querySelector(".without").textContent = alone ? "what the others are compared with" : `no ${look} to show`;
   if (!quantity) return;
   const [low, high] = quantity.limits;
   const { beyond } = quantity;
@@ -64,11 +65,13 @@ function start() {
   const shapes = [];
   for (const told of scene.meshes) shapes.push(new Shape(told, shapes[0] ?? null, buffers, scene, textures));
   const figures = makeFigures();
-  const stage = new Stage(byId("stage"), byId("canvas"), figures, shapes, scene);
+  const places = figures.map((figure) => figure.querySelector(".place"));
+  const stage = new Stage(byId("stage"), byId("canvas"), places, shapes, scene);
+  const narrow = matchMedia("(max-width: 640px)").matches && scene.meshes.length > 1;
   const form = byId("controls");
   scene.looks.forEach(([name, words]) => choice("look", name, words, name === scene.look));
-  choice("shown", "all", "Side by side", true);
-  scene.meshes.forEach((mesh, place) => choice("shown", String(place), `${place + 1} ${mesh.name}`, false));
+  choice("shown", "all", "Side by side", !narrow);
+  scene.meshes.forEach(({ name }, place) => choice("shown", String(place), `${place + 1} ${name}`, narrow && !place));
   byId("shown").hidden = scene.meshes.length < 2;
   byId("exaggeration").hidden = !scene.factors.length;
   Object.assign(byId("factor"), { max: Math.max(scene.factors.length - 1, 0), value: scene.factors.indexOf(scene.factor) });
@@ -79,7 +82,6 @@ function start() {
     const factor = scene.factors[byId("factor").value] ?? 1;
     byId("times").textContent = factor === 0 ? "none of it" : factor === 1 ? "as it is" : `× ${factor}`;
     byId("factor").setAttribute("aria-valuetext", byId("times").textContent);
-    byId("stage").classList.toggle("one", shown !== "all");
     shapes.forEach((shape, place) => {
       shape.exaggerate(factor);
       shape.show(look);

@@ -21,13 +21,15 @@ function gathered(rows, values, width, scale = 1) {
   return result;
 }
 
+const largest = (numbers) => numbers.reduce((most, each) => Math.max(most, each), 0);
+
 /** Unit normals of corners: those of a group share the mean over the triangles around them, by area. */
 function setNormals(normals, positions, triangles, group) {
-  const sums = new Float64Array(3 * (1 + group.reduce((most, each) => Math.max(most, each), 0)));
+  const sums = new Float64Array(3 * (largest(group) + 1));
   for (let t = 0; t < triangles.length; t += 3) {
     const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
-    const [ux, uy, uz] = [positions[b] - positions[a], positions[b + 1] - positions[a + 1], positions[b + 2] - positions[a + 2]];
-    const [vx, vy, vz] = [positions[c] - positions[a], positions[c + 1] - positions[a + 1], positions[c + 2] - positions[a + 2]];
+    const [ux, uy, uz] = [0, 1, 2].map((k) => positions[b + k] - positions[a + k]);
+    const [vx, vy, vz] = [0, 1, 2].map((k) => positions[c + k] - positions[a + k]);
     const [x, y, z] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
     for (let k = t; k < t + 3; k++) {
       const at = 3 * group[triangles[k]];
@@ -43,16 +45,19 @@ function setNormals(normals, positions, triangles, group) {
   }
 }
 
-/** The edges of all triangles, for lines; each once. */
+/** The edges of all triangles, for lines, as pairs of corners; each once, wherever its triangles have corners of their own. */
 function edges(triangles, point) {
-  const found = new Map();
-  const count = point.reduce((most, each) => Math.max(most, each), 0) + 1;
-  for (let t = 0; t < triangles.length; t++) {
-    const [one, other] = [triangles[t], triangles[t % 3 === 2 ? t - 2 : t + 1]];
-    const [low, high] = [Math.min(point[one], point[other]), Math.max(point[one], point[other])];
-    found.set(low * count + high, [one, other]);
-  }
-  return Uint32Array.from([...found.values()].flat());
+  const count = largest(point) + 1;
+  const corner = new Uint32Array(count); // one of those at a point
+  point.forEach((each, number) => (corner[each] = number));
+  const pairs = new Float64Array(triangles.length).map((_, t) => {
+    const [one, other] = [point[triangles[t]], point[triangles[t % 3 === 2 ? t - 2 : t + 1]]];
+    return Math.min(one, other) * count + Math.max(one, other);
+  });
+  const once = pairs.sort().filter((pair, place) => pair !== pairs[place - 1]);
+  const found = new Uint32Array(2 * once.length);
+  once.forEach((pair, place) => found.set([corner[Math.floor(pair / count)], corner[pair % count]], 2 * place));
+  return found;
 }
 
 export class Shape {
@@ -63,7 +68,7 @@ export class Shape {
     this.base = told.moved ? first.base : own;
     this.by = told.moved ? own : null;
     this.surface = told.surface;
-    this.point = buffers.array(told.surface?.point ?? null) ?? Uint32Array.from({ length: own.length / 3 }, (_, i) => i);
+    this.point = buffers.array(told.surface?.point) ?? new Uint32Array(own.length / 3).map((_, number) => number);
     this.material = surfaceMaterial(scene.studio, !told.surface);
     this.values = Object.fromEntries(
       Object.entries(told.quantities).map(([name, each]) => [name, gathered(this.point, buffers.array(each.values), 1)]),
@@ -90,8 +95,7 @@ export class Shape {
       set("uv", buffers.array(this.surface.uv) ?? new Float32Array(2 * count), 2);
       geometry.setIndex(new BufferAttribute(this.triangles, 1));
     } else {
-      this.normals = buffers.array(this.told.cloud.normals);
-      set("normal", this.normals ?? Float32Array.from({ length: 3 * count }, (_, i) => +(i % 3 === 2)), 3);
+      set("normal", buffers.array(this.told.cloud.normals), 3);
     }
     this.hasTint = Boolean(colours);
     return geometry;
@@ -184,7 +188,7 @@ export class Shape {
     if (this.lines) this.lines.visible = shown;
   }
 
-  /** Points without normals face the eye, others are lit by theirs; `pixels` is the size of one unit at distance one. */
+  /** Make points as large as they are; `pixels` is the size of one unit at distance one. */
   prepare(pixels) {
     this.#each((uniforms) => {
       uniforms.diameter.value = 2 * pixels * (this.told.cloud?.radius ?? 0);

@@ -1,17 +1,36 @@
 // All shapes under one camera, each in its own part of one canvas: turning one turns all.
-import { Group, Matrix4, OrbitControls, PerspectiveCamera, Scene, Spherical, WebGLRenderer } from "three";
+import { Group, Matrix4, OrbitControls, PerspectiveCamera, Scene, Spherical, Vector3, WebGLRenderer } from "three";
 
 const STEP = Math.PI / 36; // that an arrow key turns
 const ZOOM = 1.1; // that a key or a notch of the wheel magnifies
 const MARGIN = 1.08; // left around the largest shape
+const DEPTH = 0.5; // half a bounding box, whose diagonal is the unit
+
+const radians = (degrees) => (Math.PI / 180) * degrees;
 
 /** How far a sphere reaches from the origin. */
 const reach = ({ center, radius }) => center.length() + radius;
 
+/** How far shapes reach from the middle of the picture, up at the start and across at any azimuth, as tangents. */
+function extent(shapes, upright, { azimuth, elevation }, distance) {
+  const back = new Vector3().setFromSphericalCoords(1, radians(90 - elevation), radians(azimuth));
+  const up = new Vector3().setFromSphericalCoords(1, radians(-elevation), radians(azimuth));
+  const [point, found] = [new Vector3(), { up: 1e-3, across: 1e-3 }];
+  for (const { base } of shapes) {
+    for (let at = 0; at < base.length; at += 3) {
+      point.fromArray(base, at).applyMatrix4(upright);
+      const [high, wide] = [Math.abs(point.dot(up)), Math.hypot(point.x, point.z)];
+      found.up = Math.max(found.up, high / (distance - point.dot(back)));
+      found.across = Math.max(found.across, wide / Math.sqrt(distance ** 2 - wide ** 2));
+    }
+  }
+  return found;
+}
+
 export class Stage {
   /** places: the element of each shape, within `element`, whose size says where it is drawn. */
   constructor(element, canvas, places, shapes, scene) {
-    Object.assign(this, { element, canvas, places, shapes, start: scene.camera, fieldOfView: scene.fieldOfView });
+    Object.assign(this, { element, canvas, places, shapes, start: scene.camera });
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setScissorTest(true);
@@ -23,22 +42,23 @@ export class Stage {
       turned.add(shape.object);
       return new Scene().add(turned);
     });
-    this.radius = Math.max(...shapes.filter(({ moved }) => !moved).map(({ geometry }) => reach(geometry.boundingSphere)));
+    this.radius = Math.max(...shapes.map(({ geometry }) => reach(geometry.boundingSphere)));
     this.camera = new PerspectiveCamera(scene.fieldOfView, 1, 0.01, 100);
     this.controls = new OrbitControls(this.camera, element);
     this.controls.zoomSpeed = 1.5;
     this.controls.addEventListener("change", () => this.draw());
     element.addEventListener("keydown", (event) => this.#key(event));
     new ResizeObserver(() => this.draw()).observe(element);
+    this.distance = DEPTH / Math.sin(radians(scene.fieldOfView / 2));
+    this.extent = extent(shapes, upright, this.start, this.distance);
     this.reset();
   }
 
   /** Look from where the page began. */
   reset() {
-    const distance = (MARGIN * this.radius) / Math.sin((Math.PI / 360) * this.fieldOfView) / this.start.zoom;
-    const [phi, theta] = [(Math.PI / 180) * (90 - this.start.elevation), (Math.PI / 180) * this.start.azimuth];
+    const [phi, theta] = [radians(90 - this.start.elevation), radians(this.start.azimuth)];
     this.controls.target.set(0, 0, 0);
-    this.#from(new Spherical(distance, phi, theta));
+    this.#from(new Spherical(this.distance / this.start.zoom, phi, theta));
   }
 
   /** Turn by angles to the right and up, and magnify. */
@@ -91,15 +111,15 @@ export class Stage {
       this.renderer.setViewport(...area);
       this.renderer.setScissor(...area);
       this.#fit(width, height);
-      this.shapes[number].prepare((this.renderer.getPixelRatio() * height) / (2 * Math.tan((Math.PI / 360) * this.camera.fov)));
+      this.shapes[number].prepare((this.renderer.getPixelRatio() * height) / (2 * Math.tan(radians(this.camera.fov / 2))));
       this.renderer.render(this.scenes[number], this.camera);
     });
     this.element.dispatchEvent(new CustomEvent("drawn"));
   }
 
-  /** The field of view lies along the shorter side. */
+  /** A field of view that all shapes fit in from where the page began, at any azimuth. */
   #fit(width, height) {
-    const half = Math.tan((Math.PI / 360) * this.fieldOfView) * Math.max(1, height / width);
+    const half = MARGIN * Math.max(this.extent.up, (this.extent.across * height) / width);
     this.camera.fov = (360 / Math.PI) * Math.atan(half);
     this.camera.aspect = width / height;
     const distance = this.camera.position.distanceTo(this.controls.target);
