@@ -22,7 +22,7 @@ from o3dmark.view.texture import Texture
 from o3dmark.view.worn import has_texture, vertex_colours
 
 PICTURE_QUALITY = 92  # of the JPEG that a texture becomes
-COVERING = 1.5  # times as large as points are apart they cover a surface that was sampled at random, nearly
+COVERING = 2.0  # times as large as points are apart they cover a surface that was sampled at random, nearly
 NEAR = 0.25  # of the diagonal: how far the centres of boxes may be apart, of half to twice the size, in one frame
 
 

@@ -34,7 +34,6 @@ function makeFigures() {
   return scene.meshes.map((mesh, place) => {
     const figure = clone("figure");
     figure.querySelector("b").textContent = mesh.name;
-    figure.querySelector("small").textContent = mesh.caption;
     figure.setAttribute("aria-label", `${place + 1} ${mesh.name}`);
     byId("stage").append(figure);
     return figure;
@@ -89,7 +88,8 @@ function start() {
       figures[place].hidden = shown !== "all" && shown !== String(place);
       legend(figures[place], scene.meshes[place], look, ramps);
       const drawn = shape.moved && factor !== 1 ? `; displacement drawn ${factor} times as large` : "";
-      figures[place].querySelector("small").textContent = scene.meshes[place].caption + drawn;
+      const caption = figures[place].querySelector("small");
+      caption.textContent = caption.title = scene.meshes[place].caption + drawn;
     });
     stage.draw();
   }
