@@ -248,6 +248,43 @@ def test_view_draws_without_a_display(folder: Path, tmp_path: Path, capsys: Any,
     assert (code, result["error"]) == (3, "BackendError")
 
 
+def test_view_from_a_side_and_exaggerated(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    meshes, pictures = (folder / "cover.ply", folder / "marked.ply"), []
+    for number, words in enumerate(((), ("--exaggerate", "50"), ("--camera", "back"), ("--camera", "-30,10,z"))):
+        png = tmp_path / f"{number}.png"
+        assert run(capsys, "view", *meshes, "--png", png, *words)[0] == 0
+        pictures.append(png.read_bytes())
+    assert len(set(pictures)) == len(pictures)
+    write_mesh(tmp_path / "other.ply", read_mesh(meshes[0]).simplify_quadric_decimation(1000))
+    wrong = {
+        ("--exaggerate", "9", "--png", tmp_path / "a.png"): (3, "MeshError", "no displacement"),
+        ("--exaggerate", "nan", "--png", tmp_path / "a.png"): (2, "SpecError", "like 50"),
+        ("--camera", "above", "--png", tmp_path / "a.png"): (2, "SpecError", "AZIMUTH,ELEVATION"),
+        ("--camera", "top"): (2, "SpecError", "not for the window"),
+        ("--scalars", "weight", "--png", tmp_path / "a.png"): (2, "SpecError", "saliency or distance"),
+    }
+    for words, (code, name, text) in wrong.items():
+        said = run(capsys, "view", meshes[0], tmp_path / "other.ply", *words, "--json")
+        assert (said[0], said[1]["error"]) == (code, name)
+        assert text in said[1]["message"]
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_view_writes_a_page_of_meshes_and_clouds(folder: Path, tmp_path: Path, capsys: Any) -> None:
+    html, cloud = tmp_path / "look.html", tmp_path / "cloud.ply"
+    o3d.io.write_point_cloud(str(cloud), o3d.geometry.PointCloud(read_mesh(folder / "cover.ply").vertices))
+    words = ("view", folder / "cover.ply", folder / "marked.ply", cloud, "--html", html)
+    code, result, talk = run(capsys, *words, "--scalars", "distance", "--exaggerate", "20", "--json")
+    assert (code, result["output"], result["html"]) == (0, str(html), str(html)), talk
+    text = html.read_text(encoding="utf-8")
+    assert '"look": "displacement"' in text
+    assert '"factor": 20.0' in text
+    assert "distance from cover.ply, % of the bounding-box diagonal" in text
+    assert "mesh saliency, no unit" in text
+    assert run(capsys, *words, "--json")[1]["error"] == "SpecError"  # it is there already
+    assert html.read_text(encoding="utf-8") == text
+
+
 def test_view_shows_the_patches_that_a_key_finds(folder: Path, fragment: Path, tmp_path: Path, capsys: Any) -> None:
     key, profile = ("--key", fragment.with_suffix(".key")), ("--profile", "layered-2026")
     png = tmp_path / "patches.png"

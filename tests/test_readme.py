@@ -151,9 +151,18 @@ def test_the_copies_page_s_lines_verify_a_ledger_without_o3dmark(
         exec(lines, {})
 
 
+def test_the_commands_and_the_code_of_the_pictures_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs" / "pictures.md"
+    monkeypatch.chdir(tmp_path)
+    for line in commands(page):
+        run(line)
+    exec(compile(code(page, "python")[0], "pictures.md", "exec"), {})
+    assert {"look.html", "larger.png", "own.html", "larger-own.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
 def test_other_pages_show_no_command_that_is_not_run() -> None:
     shown = {page.name for page in PAGES if commands(page)}
-    assert shown == {"README.md", "methods.md", "campaigns.md", "copies.md"}
+    assert shown == {"README.md", "methods.md", "campaigns.md", "copies.md", "pictures.md"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
