@@ -1,7 +1,9 @@
 from . import marking as marking
+from . import view as view
 from ._version import __version__ as __version__
 from .attacks import ATTACKS as ATTACKS
 from .attacks import attack_all as attack_all
+from .coding.detection import Detection as Detection
 from .coding.keys import Key as Key
 from .coding.payload import CODES as CODES
 from .errors import BackendError as BackendError
@@ -20,4 +22,5 @@ from .methods import METHODS as METHODS
 from .metrics import METRICS as METRICS
 from .profiles import PROFILES as PROFILES
 from .synthetic import SHAPES as SHAPES
+from .watermark import Reading as Reading
 from .watermark import Watermark as Watermark

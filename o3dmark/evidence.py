@@ -18,10 +18,11 @@ import numpy as np
 
 from o3dmark._version import __version__
 from o3dmark.arrays import Floats
+from o3dmark.coding.words import one_in
 from o3dmark.copies.ledger import Ledger
 from o3dmark.copies.tracing import Named, Trace
 from o3dmark.copies.verification import digest_of
-from o3dmark.copies.words import one_in, sentence
+from o3dmark.copies.words import sentence
 from o3dmark.errors import MeshError
 from o3dmark.files import read_shape, replacing
 from o3dmark.mesh import similarity

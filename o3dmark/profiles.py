@@ -7,7 +7,9 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 
 from o3dmark.coding.payload import CODES
+from o3dmark.errors import SpecError
 from o3dmark.methods import METHODS
+from o3dmark.registry import nearest
 from o3dmark.watermark import Watermark
 
 _SPECS = {  # method, code, bits between them
@@ -23,10 +25,19 @@ DEFAULT_PROFILE = "layered-2026"
 _LAYERS = {"robust-2026": "layered-2026"}  # profiles that are a layer of another: of one method, code and length
 
 
+class _UnknownProfileError(SpecError, KeyError):
+    """As a mapping has it."""
+
+    __str__ = SpecError.__str__  # a KeyError's puts it in quotes
+
+
 class _Profiles(Mapping[str, Watermark]):
     """Watermarks by name, each made when it is first asked for: a method may take long to import."""
 
     def __getitem__(self, name: str) -> Watermark:
+        """Errors: SpecError, which is a KeyError here, with the profile that was meant, or all there are."""
+        if name not in _SPECS:
+            raise _UnknownProfileError(f"no profile is called {name!r}{nearest(str(name), list(_SPECS))}")
         return _made(*_SPECS[name])
 
     def __iter__(self) -> Iterator[str]:

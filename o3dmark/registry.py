@@ -73,8 +73,16 @@ class Registry(Generic[T]):
             return self._classes[name]
         classes = self._discover()
         if name not in classes:
-            raise SpecError(f"no {self.kind} is called {name!r}{_nearest(name, list(classes))}")
+            raise SpecError(f"no {self.kind} is called {name!r}{nearest(name, list(classes))}")
         return classes[name]
+
+    def class_called(self, name: str) -> type[T]:
+        """The registered class of that name, "Noise", for packages to let people import it. Errors: AttributeError."""
+        if name[:1].isupper():
+            for cls in self._discover().values():
+                if cls.__name__ == name:
+                    return cls
+        raise AttributeError(f"no {self.kind} is a class {name!r}")
 
     def make(self, spec: "str | dict[str, Any] | T") -> T:
         """An object from its text (``"noise:amplitude=0.003"``), its dict, or itself."""
@@ -90,7 +98,7 @@ class Registry(Generic[T]):
         known = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
         for option in options:
             if option not in known:
-                raise SpecError(f"{self.kind} {name!r} has no option {option!r}{_nearest(option, list(known))}")
+                raise SpecError(f"{self.kind} {name!r} has no option {option!r}{nearest(option, list(known))}")
         hints = typing.get_type_hints(cls)
         values = {option: _convert(name, option, value, hints[option]) for option, value in options.items()}
         try:
@@ -175,6 +183,7 @@ def _text(value: Any) -> str:
     return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _nearest(name: str, known: list[str]) -> str:
+def nearest(name: str, known: list[str]) -> str:
+    """What to say after "there is no ...": the known name that looks like it, or all of them."""
     close = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean {close[0]!r}?" if close else f"; there is {', '.join(sorted(known))}" if known else ""

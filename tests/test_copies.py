@@ -21,11 +21,12 @@ from o3dmark.attacks import attack_all
 from o3dmark.cli import main
 from o3dmark.coding.identities import codeword
 from o3dmark.coding.keys import Key
+from o3dmark.coding.words import one_in
 from o3dmark.copies import Ledger, Tracer, issue, read_buyers, suspects
 from o3dmark.copies.buyers import folder_of
 from o3dmark.copies.issuing import asset_digest, asset_key
 from o3dmark.copies.tracing import Named, Trace
-from o3dmark.copies.words import one_in, sentence
+from o3dmark.copies.words import sentence
 from o3dmark.errors import BackendError, LedgerError, MeshError, SpecError
 from o3dmark.files import open_asset, read_mesh, write_mesh
 from o3dmark.mesh.surface import TriangleMesh, mesh_arrays, triangle_mesh

@@ -7,11 +7,12 @@ never appear in logs or errors. Heavy libraries are imported by the commands, so
 import json as json_text
 import sys
 from collections.abc import Iterator, Sequence
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 import typer.main
 
+from o3dmark._version import __version__
 from o3dmark.cli._talk import say
 from o3dmark.cli.campaigns import bench, report
 from o3dmark.cli.catalogue import list_
@@ -25,9 +26,15 @@ from o3dmark.threads import load_with_one_thread
 
 __all__ = ["app", "commands", "main"]
 
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
 app = typer.Typer(
     name="o3dmark",
-    help="Hide an ownership mark in 3-D meshes, and read it back after whatever the world did to them.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -39,6 +46,16 @@ for _command in (
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 app.add_typer(ledger)
+
+
+@app.callback()
+def about(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_version, help="Say it and leave.")
+    ] = False,
+) -> None:
+    """Hide an ownership mark in 3-D meshes, and read it back after whatever the world did to them."""
+
 
 _UsageError: Any = typer.BadParameter.__base__  # its own module differs between versions of typer
 

@@ -14,6 +14,7 @@ In = Annotated[
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write; its ending says the format.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Makes the randomness repeatable.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout instead of a table.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="All that is known below the answer, not the main of it.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="OUT may be replaced; what was given never is.")]
 AnyScale = Annotated[
     bool, typer.Option("--any-scale", help="Look for fragments whose unit of length was changed; a minute or two.")

@@ -29,6 +29,14 @@ def print_result(values: Mapping[str, Any], json: bool) -> None:
     Console(soft_wrap=True, highlight=False).print(table)
 
 
+def print_answer(answer: str, values: Mapping[str, Any], told: Iterable[str], json: bool, verbose: bool) -> None:
+    """JSON, or a sentence and below it a table: of the values that are ``told``, or ``verbose`` of all."""
+    if not json:
+        print(printable(answer))
+        values = values if verbose else {name: values[name] for name in told}
+    print_result(values, json)
+
+
 def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"

@@ -16,13 +16,21 @@ _COLUMNS = ("option", "type", "default", "meaning")
 
 
 def list_(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, attacks, metrics, codes, shapes or profiles.")],
+    kind: Annotated[
+        str | None, typer.Argument(metavar="KIND", help="methods, attacks, metrics, codes, shapes or profiles.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """What there is, with every option, its default and its unit."""
+    """What there is, with every option, its default and its unit; without KIND, of which kinds."""
     from o3dmark.registry import describe
 
-    registry = _registry(kind)
+    registries = _registries()
+    if kind is None:
+        print_result({name: list(registry) for name, registry in registries.items()}, json)
+        return
+    if kind not in registries:
+        raise SpecError(f"no list of {kind!r}; there is {', '.join(registries)}")
+    registry = registries[kind]
     if isinstance(registry, Mapping):
         print_result({name: each.to_dict() for name, each in registry.items()}, json)
         return
@@ -44,7 +52,7 @@ def list_(
     Console(soft_wrap=not sys.stdout.isatty()).print(table)
 
 
-def _registry(kind: str) -> Any:
+def _registries() -> dict[str, Any]:
     from o3dmark.attacks import ATTACKS
     from o3dmark.coding.payload import CODES
     from o3dmark.methods import METHODS
@@ -52,7 +60,7 @@ def _registry(kind: str) -> Any:
     from o3dmark.profiles import PROFILES
     from o3dmark.synthetic import SHAPES
 
-    kinds = {
+    return {
         "methods": METHODS,
         "attacks": ATTACKS,
         "metrics": METRICS,
@@ -60,6 +68,3 @@ def _registry(kind: str) -> Any:
         "shapes": SHAPES,
         "profiles": PROFILES,
     }
-    if kind not in kinds:
-        raise SpecError(f"no list of {kind!r}; there is {', '.join(kinds)}")
-    return kinds[kind]

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import AnyScale, In, Json, Mirrored, Out, Overwrite
-from o3dmark.cli._talk import print_result, printable, say, since
-from o3dmark.errors import ConversionError, MeshError, SpecError
+from o3dmark.cli._arguments import AnyScale, In, Json, Mirrored, Out, Overwrite, Verbose
+from o3dmark.cli._talk import print_answer, print_result, printable, say, since
+from o3dmark.coding.words import mistaken, one_in
+from o3dmark.errors import ConversionError, MeshError
 
 if TYPE_CHECKING:
+    from o3dmark.coding.detection import Detection
     from o3dmark.coding.keys import Key
     from o3dmark.files import Asset, Destination
     from o3dmark.marking import Marked, PartDetection, PartReading
-    from o3dmark.watermark import Watermark
+    from o3dmark.watermark import Reading, Watermark
 
 KeyFile = Annotated[Path, typer.Option("--key", metavar="FILE", help="The owner's key file; see keygen.")]
 Method = Annotated[str | None, typer.Option("--method", metavar="SPEC", help="Method and options, like name:a=1,b=2.")]
@@ -25,6 +27,9 @@ Reference = Annotated[
     Path | None, typer.Option("--reference", metavar="COVER", help="The unmarked mesh, for informed extraction.")
 ]
 _COSTS = ("mrms", "hausdorff", "max_displacement", "jnd", "strength_by")  # null where nothing was marked
+_TOLD_OF_MARK = ("output", "profile", "message", "strength")
+_TOLD_OF_MESSAGE = ("p_value", "corrected_bits", "profile", "part")
+_TOLD_OF_MARK_THERE = ("p_value", "false_positive_rate", "matches", "n_bits", "profile", "part")
 _MISSING = {
     "solid": "only patches tell the message",
     "patches": "no patch fits there unseen, so that a fragment will not be read",
@@ -49,6 +54,7 @@ def embed(
     profile: Profile = None,
     n_bits: NBits = None,
     overwrite: Overwrite = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Hide a message: OUT is the file IN with its positions moved. What cannot be read back is not written; exit 1."""
@@ -95,7 +101,9 @@ def embed(
     report |= {"files": sorted({*marked.files, *target.copies}) if marked.verified else []}
     layers = marking.layers_read(marked, mark, hidden, secret)
     report |= {"layers": [vars(each) for each in layers]}
-    print_result(report | {"seconds": since(started)}, json)
+    report |= {"seconds": since(started)}
+    done = f"Marked, read back and written: {output.name}." if marked.verified else "Nothing was written."
+    print_answer(done, report, _TOLD_OF_MARK, json, verbose)
     if strength is not None and strength.by == "jnd":
         say(strength.words)
     for layer in layers:
@@ -118,6 +126,7 @@ def extract(
     reference: Reference = None,
     any_scale: AnyScale = False,
     mirrored: Mirrored = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Read the message of a mesh, a scene or a point cloud. Exit code 1 when there is none."""
@@ -142,7 +151,8 @@ def extract(
         depth=depth,
     )
     about = _about_found(found.profile, mark, method, profile)
-    print_result(found.reading.to_dict() | about | _where(found) | {"seconds": since(started)}, json)
+    result = found.reading.to_dict() | about | _where(found) | {"seconds": since(started)}
+    print_answer(_read(found.reading), result, _TOLD_OF_MESSAGE, json, verbose)
     if not found.reading.found:
         raise typer.Exit(1)
 
@@ -158,6 +168,7 @@ def detect(
     reference: Reference = None,
     any_scale: AnyScale = False,
     mirrored: Mirrored = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Is our mark there? Exit code 0 for yes, 1 for no. Knowing the message makes the test far sharper.
@@ -182,11 +193,28 @@ def detect(
         depth=Depth(mirrored=mirrored, any_scale=any_scale),
     )
     about = _about_found(found.profile, mark, method, profile)
-    print_result(found.detection.to_dict() | about | _where(found) | {"seconds": since(started)}, json)
-    if found.detection.other is not None:
+    result = found.detection.to_dict() | about | _where(found) | {"seconds": since(started)}
+    print_answer(_detected(found.detection), result, _TOLD_OF_MARK_THERE, json, verbose)
+    if json and found.detection.other is not None:
         say(f"another message reads better: {printable(found.detection.other)}")
     if not found.detection.present:
         raise typer.Exit(1)
+
+
+def _read(reading: "Reading") -> str:
+    """What was read, as a sentence."""
+    if reading.message is None:
+        return "No message of this key was found."
+    return f"Found: {reading.message}. {mistaken(reading.decoded.log10_p)}"
+
+
+def _detected(detection: "Detection") -> str:
+    """Whether the mark is there, as a sentence."""
+    if detection.other is not None:
+        return f"Not this mark: another message of the key reads better, {detection.other}."
+    if not detection.present:
+        return f"The mark was not found: chance shows as much {one_in(detection.log10_p)} times."
+    return f"The mark is there. {mistaken(detection.log10_p)}"
 
 
 def _about(mark: "Watermark", profile: str | None) -> dict[str, Any]:
@@ -215,10 +243,7 @@ def _watermark(method: str | None, profile: str | None, n_bits: int | None) -> "
     from o3dmark.methods import METHODS
     from o3dmark.profiles import DEFAULT_PROFILE, PROFILES
 
-    name = profile or DEFAULT_PROFILE
-    if name not in PROFILES:
-        raise SpecError(f"no profile is called {name!r}; there is {', '.join(PROFILES)}")
-    mark = PROFILES[name]
+    mark = PROFILES[profile or DEFAULT_PROFILE]
     if method is not None:
         mark = replace(mark, method=METHODS.make(method))
     return mark if n_bits is None else replace(mark, n_bits=n_bits)

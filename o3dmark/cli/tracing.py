@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from o3dmark.cli._arguments import AnyScale, Json, Mirrored, Overwrite
-from o3dmark.cli._talk import print_result, printable, say, since
+from o3dmark.cli._arguments import AnyScale, Json, Mirrored, Overwrite, Verbose
+from o3dmark.cli._talk import print_answer, print_result, printable, say, since
 from o3dmark.cli.owner import NBits, Profile
 from o3dmark.errors import MeshError, O3dmarkError
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from o3dmark.copies import Copy, Named, Trace, Tracer
     from o3dmark.evidence import Evidence
 
+_TOLD = ("p_value", "matches", "runner_up", "candidates", "part")
 _MISSING_SHOWN = 5  # names of copies that are elsewhere
 
 
@@ -85,6 +86,7 @@ def trace(
         Path | None, typer.Option(metavar="DIR", help="The folder of the copies, for the page's pictures.")
     ] = None,
     overwrite: Overwrite = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Whose copy is it? Exit code 0 when one is named, 1 when none is. With --json a line for each suspect."""
@@ -116,7 +118,7 @@ def trace(
         )
         _check_reference(tracer)
         for name, file in suspects(suspect):
-            answers.append(answer := _answer(name, file, tracer, json))
+            answers.append(answer := _answer(name, file, tracer, json=json, verbose=verbose))
             shown.update(task, visible=False)
             if evidence is not None and answer is not None and isinstance(file, Path):
                 evidence.add(_shown(name), file, answer)
@@ -139,8 +141,9 @@ def _shown(name: str) -> str:
     return Path(name).name if Path(name).is_absolute() else name
 
 
-def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", json: bool) -> "Trace | None":
+def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", *, json: bool, verbose: bool) -> "Trace | None":
     """Print what one suspect is; None for what cannot be read."""
+    from o3dmark.copies.words import sentence
     from o3dmark.files import open_shape
 
     started = time.perf_counter()
@@ -154,19 +157,9 @@ def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", json: bool) -
         else:
             say(f"{printable(name)}: {printable(str(error))}")
         return None
-    _print(name, found, json, since(started))
+    result = {"file": name} | dict(_fields(found)) | {"seconds": since(started)}
+    print_answer(f"{name}: {sentence(found)}", result, _TOLD, json, verbose)
     return found
-
-
-def _print(name: str, found: "Trace", json: bool, seconds: float) -> None:
-    from o3dmark.copies.words import sentence
-
-    if json:
-        print(json_text.dumps({"file": name} | dict(_fields(found)) | {"seconds": seconds}))
-        return
-    print(f"{printable(name)}: {printable(sentence(found))}")
-    shown = dict(_fields(found))
-    print_result({word: shown[word] for word in ("p_value", "matches", "runner_up", "candidates", "part")}, json)
 
 
 def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
@@ -197,7 +190,7 @@ def _check_reference(tracer: "Tracer") -> None:
         return
     from dataclasses import replace
 
-    from o3dmark.copies.words import one_in
+    from o3dmark.coding.words import one_in
 
     marked = replace(tracer, reference=None).trace(tracer.reference)
     if marked.found and marked.best is not None:

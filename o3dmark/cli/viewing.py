@@ -214,7 +214,7 @@ def _with_patches(panels: "Sequence[Panel]", found: "Sequence[PatchesFound]", ca
     """Panels of meshes, as `patches_panel` has them; with a camera, from there."""
     from dataclasses import replace
 
-    from o3dmark.copies.words import one_in
+    from o3dmark.coding.words import one_in
     from o3dmark.view import patches_panel
 
     notes = [f"by chance {one_in(each.log10_p)}" if each.patches else "" for each in found]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from o3dmark.coding.words import one_in, table
 from o3dmark.errors import SpecError
 
 _LEVELS = 256  # integer weight of the median magnitude: finer than any soft bit is exact
@@ -24,7 +25,7 @@ _EXACT_BITS = 2000  # above this the counts of sign patterns leave the range of 
 _LOG2 = math.log10(2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Detection:
     """The answer to "is our mark there?": how many bits agree, how probable that is by chance, the rate asked for.
 
@@ -42,6 +43,19 @@ class Detection:
     def p_value(self) -> float:
         """Probability of agreement this good by chance, every hypothesis charged; 0.0 when below a double's range."""
         return float(10.0**self.log10_p)
+
+    def __repr__(self) -> str:
+        other = "" if self.other is None else f", {self.other!r} reads better"
+        return f"Detection({'present' if self.present else 'absent'}, p={self.p_value:.2g}{other})"
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "present": "yes" if self.present else "no",
+            "mistaken": one_in(self.log10_p),
+            "bits that agree": f"{self.matches} of {self.n_bits}",
+            "false-positive rate": f"{self.false_positive_rate:g}",
+        }
+        return table(rows | ({} if self.other is None else {"reads better": self.other}))
 
     @property
     def present(self) -> bool:

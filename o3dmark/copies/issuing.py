@@ -23,7 +23,7 @@ from o3dmark.copies.buyers import folder_of
 from o3dmark.copies.chain import Copy, Entry
 from o3dmark.copies.ledger import Ledger
 from o3dmark.copies.verification import digest_of
-from o3dmark.errors import BackendError, LedgerError, MeshError, SpecError
+from o3dmark.errors import BackendError, LedgerError, MeshError
 from o3dmark.files import Asset, Source, destination, open_asset
 from o3dmark.marking import Edition, Marked
 from o3dmark.mesh import geometry
@@ -146,8 +146,6 @@ def asset_key(key: Key, asset: str) -> Key:
 
 def copies_watermark(profile: str, n_bits: int | None = None) -> Watermark:
     """The watermark of copies: a profile, with another number of bits where one is given. Errors: SpecError."""
-    if profile not in PROFILES:
-        raise SpecError(f"no profile is called {profile!r}; there is {', '.join(PROFILES)}")
     return PROFILES[profile] if n_bits is None else replace(PROFILES[profile], n_bits=n_bits)
 
 

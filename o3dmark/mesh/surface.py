@@ -7,6 +7,7 @@ colours, texture coordinates and materials go through untouched. Who has no more
 gets `MeshArrays`; Open3D, which takes half a second to import, is then not needed.
 """
 
+import os
 import sys
 from dataclasses import dataclass
 from functools import cached_property
@@ -181,6 +182,21 @@ def legacy_mesh(mesh: Any) -> "TriangleMesh":
     return mesh
 
 
+def as_given(given: Any, mesh: Any) -> Any:
+    """A mesh as the kind that was given: a legacy one as arrays, or as a tensor mesh on that device, in that precision.
+
+    What other kinds have no place for is lost; a mesh that is of the kind comes back as it is.
+    """
+    if isinstance(given, MeshArrays) and not isinstance(mesh, MeshArrays):
+        return mesh_arrays(mesh)
+    if not (_is(given, "t.geometry.TriangleMesh") and _is(mesh, "geometry.TriangleMesh")):
+        return mesh
+    import open3d as o3d
+
+    types = given.vertex.positions.dtype, given.triangle.indices.dtype
+    return o3d.t.geometry.TriangleMesh.from_legacy(mesh, *types, device=given.device)
+
+
 def is_cloud(shape: Any) -> bool:
     """Whether a shape is a point cloud, of Open3D's legacy or its tensor kind."""
     return _is(shape, "geometry.PointCloud") or _is(shape, "t.geometry.PointCloud")
@@ -196,7 +212,15 @@ def _is(shape: Any, kind: str) -> bool:
 
 
 def _no_mesh(mesh: Any) -> MeshError:
-    return MeshError(f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}")
+    text = f"an Open3D TriangleMesh is wanted, not {type(mesh).__name__}"
+    if isinstance(mesh, str | os.PathLike):
+        return MeshError(f"{text} {os.fspath(mesh)!r}: read_mesh(path) reads a file")
+    if isinstance(mesh, np.ndarray | list | tuple):
+        how = "Vector3dVector(vertices), Vector3iVector(triangles)"
+        return MeshError(f"{text}: open3d.geometry.TriangleMesh({how}) makes one of arrays")
+    if is_cloud(mesh):
+        return MeshError(f"{text}: create_from_point_cloud_poisson makes a mesh of points")
+    return MeshError(text)
 
 
 def legacy_cloud(cloud: Any) -> "PointCloud":

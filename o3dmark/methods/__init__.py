@@ -7,7 +7,7 @@ Method.extract   mesh, n_bits, key      -> Extraction: soft bits, and how many r
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -240,6 +240,27 @@ class Method(abc.ABC):
     @abc.abstractmethod
     def capacity(self, mesh: Any) -> int:
         """The number of bits that ``mesh`` can carry at most."""
+
+
+if TYPE_CHECKING:  # every registered class can be imported from here; a test says so
+    from o3dmark.methods.cho2007_mean import Cho2007Mean as Cho2007Mean
+    from o3dmark.methods.cho2007_variance import Cho2007Variance as Cho2007Variance
+    from o3dmark.methods.hamidi2017 import Hamidi2017 as Hamidi2017
+    from o3dmark.methods.hamidi2019 import Hamidi2019 as Hamidi2019
+    from o3dmark.methods.layered import Layered as Layered
+    from o3dmark.methods.local_patches.method import LocalPatches as LocalPatches
+    from o3dmark.methods.nakazawa2010 import Nakazawa2010 as Nakazawa2010
+    from o3dmark.methods.rolland2014 import Rolland2014 as Rolland2014
+    from o3dmark.methods.saliency_scs import SaliencySCS as SaliencySCS
+    from o3dmark.methods.shape_spectrum.method import ShapeSpectrum as ShapeSpectrum
+    from o3dmark.methods.son2017 import Son2017 as Son2017
+    from o3dmark.methods.wang2008 import Wang2008 as Wang2008
+    from o3dmark.methods.zhan2014 import Zhan2014 as Zhan2014
+
+
+def __getattr__(name: str) -> Any:
+    """A registered class by its own name: `from o3dmark.methods import Zhan2014`."""
+    return METHODS.class_called(name)
 
 
 __all__ = ["METHODS", "NO_DEEPER", "Depth", "Extraction", "Method", "Progress", "silent"]

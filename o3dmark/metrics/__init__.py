@@ -7,7 +7,7 @@ Every metric is a registered frozen dataclass; zero means no difference, unless 
 
 import abc
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from o3dmark.registry import Registry
 
@@ -28,6 +28,26 @@ class Metric(abc.ABC):
 
         Errors: MeshError when a mesh is unusable or, where ``needs_equal_connectivity``, the triangles differ.
         """
+
+
+if TYPE_CHECKING:  # every registered class can be imported from here; a test says so
+    from o3dmark.metrics.displacement import SNR as SNR
+    from o3dmark.metrics.displacement import MaxDisplacement as MaxDisplacement
+    from o3dmark.metrics.displacement import RmsDisplacement as RmsDisplacement
+    from o3dmark.metrics.distance import MRMS as MRMS
+    from o3dmark.metrics.distance import Hausdorff as Hausdorff
+    from o3dmark.metrics.fmpd import FMPD as FMPD
+    from o3dmark.metrics.msdm import MSDM as MSDM
+    from o3dmark.metrics.msdm import MSDM2 as MSDM2
+    from o3dmark.metrics.smoothness import Bending as Bending
+    from o3dmark.metrics.smoothness import Planes as Planes
+    from o3dmark.metrics.smoothness import Reflection as Reflection
+    from o3dmark.metrics.visibility import JND as JND
+
+
+def __getattr__(name: str) -> Any:
+    """A registered class by its own name: `from o3dmark.metrics import JND`."""
+    return METRICS.class_called(name)
 
 
 __all__ = ["METRICS", "Metric"]

@@ -79,4 +79,31 @@ def make(spec: str | dict[str, Any] | Shape, seed: int | None = None) -> "Triang
     return shape.build()
 
 
+if TYPE_CHECKING:  # every registered class can be imported from here; a test says so
+    from o3dmark.synthetic.animals import Ant as Ant
+    from o3dmark.synthetic.animals import Bunny as Bunny
+    from o3dmark.synthetic.animals import Cat as Cat
+    from o3dmark.synthetic.animals import Horse as Horse
+    from o3dmark.synthetic.heads import Bimba as Bimba
+    from o3dmark.synthetic.heads import Venus as Venus
+    from o3dmark.synthetic.primitives import Cube as Cube
+    from o3dmark.synthetic.primitives import Cylinder as Cylinder
+    from o3dmark.synthetic.primitives import Plane as Plane
+    from o3dmark.synthetic.primitives import Sphere as Sphere
+    from o3dmark.synthetic.primitives import Tetrahedron as Tetrahedron
+    from o3dmark.synthetic.primitives import Torus as Torus
+    from o3dmark.synthetic.primitives import TwoSpheres as TwoSpheres
+    from o3dmark.synthetic.products import Bracket as Bracket
+    from o3dmark.synthetic.products import Car as Car
+    from o3dmark.synthetic.semi_regular import SemiRegular as SemiRegular
+    from o3dmark.synthetic.vessels import Cup as Cup
+    from o3dmark.synthetic.vessels import Flower as Flower
+    from o3dmark.synthetic.vessels import Vase as Vase
+
+
+def __getattr__(name: str) -> Any:
+    """A registered class by its own name: `from o3dmark.synthetic import Vase`."""
+    return SHAPES.class_called(name)
+
+
 __all__ = ["SHAPES", "Sculpture", "Shape", "make"]
