@@ -177,7 +177,10 @@ def test_the_campaigns_of_the_package_are_sound(name: str, tmp_path: Path) -> No
         == len(jobs)
         == len(plan.meshes) * len(plan.methods) * len(plan.seeds) * len(plan.bits)
     )
+    shapes = ["Bimba", "Ant", "Cup", "Cat", "Bracket", "Car"]
     synthetic = {
+        "comparison": shapes,
+        "comparison_published": shapes,
         "false_positives_single": ["Bimba"],
         "quick": ["Flower", "Vase", "Bimba"],
         "comparison_semi_regular": ["Bimba", "Horse", "Cup"],

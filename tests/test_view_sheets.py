@@ -67,6 +67,7 @@ def test_the_displacement_panel_says_what_it_draws(spot, monkeypatch):
     assert displacement.limits[0] == 0
     assert marked.frame is displacement.frame
     assert attacked.frame is None
+    assert [panels[number].look for number in (0, 1, 5)] == 3 * ["worn"]
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,16 @@ def test_the_window_shows_copies_side_by_side(spot, ball, monkeypatch):
     assert len(np.unique(np.asarray(shown[0].vertex_colors), axis=0)) == 1
     assert len(np.unique(np.asarray(shown[1].vertex_colors), axis=0)) > 10
     assert not spot.has_vertex_colors()
+    shown.clear()
+    tinted, dressed = TriangleMesh(ball), TriangleMesh(ball)
+    tinted.vertex_colors = o3d.utility.Vector3dVector(np.abs(np.asarray(ball.vertices)))
+    cloud.colors = tinted.vertex_colors
+    dressed.triangle_uvs = o3d.utility.Vector2dVector(np.zeros((3 * len(ball.triangles), 2)))
+    dressed.textures = [o3d.geometry.Image(np.zeros((2, 2, 3), np.uint8))]
+    show([tinted, cloud, dressed])
+    np.testing.assert_array_equal(shown[0].vertex_colors, tinted.vertex_colors)
+    np.testing.assert_array_equal(shown[1].colors, tinted.vertex_colors)
+    assert shown[2].has_textures()
     with pytest.raises(ValueError, match="1 meshes"):
         show([spot], [None, None])
     with pytest.raises(MeshError, match="no triangle"):

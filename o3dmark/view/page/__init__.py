@@ -13,7 +13,6 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from o3dmark.files import replacing
 from o3dmark.view.camera import Camera
@@ -48,9 +47,17 @@ def page(
     )
 
 
-def write_page(path: str | Path, meshes: Sequence[Shown], **options: Any) -> None:
+def write_page(
+    path: str | Path,
+    meshes: Sequence[Shown],
+    *,
+    title: str = "o3dmark",
+    look: str | None = None,
+    camera: Camera | None = None,
+    exaggeration: float | None = None,
+) -> None:
     """Write a `page`, with its options and errors; the file is there complete or not at all."""
-    text = page(meshes, **options)
+    text = page(meshes, title=title, look=look, camera=camera, exaggeration=exaggeration)
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
