@@ -47,7 +47,7 @@ def piece(sampled: Sampled) -> Piece:
 
 @pytest.fixture(scope="module")
 def plan(piece: Piece, share: Share) -> Plan:
-    return piece.plan(share, BITS, STRENGTH)
+    return piece.plans(share, BITS, [STRENGTH])[0]
 
 
 def price(gram: np.ndarray, change: np.ndarray) -> float:
@@ -105,7 +105,7 @@ def test_the_jacobian_is_the_slope_of_the_coefficients(piece: Piece) -> None:
 def test_the_unit_of_motions_does_not_matter(sampled: Sampled, piece: Piece, share: Share, plan: Plan) -> None:
     """Nor does that of the mesh: only how a motion's length and its bending compare hangs on the scale."""
     larger = Sampled(FORM, sampled.surface.moved(10.0 * sampled.surface.vertices), 10.0 * sampled.radius)
-    there = Piece.about(larger, CENTRE, 10.0).plan(share, BITS, STRENGTH).first_order(AGREEMENT)
+    there = Piece.about(larger, CENTRE, 10.0).plans(share, BITS, [STRENGTH])[0].first_order(AGREEMENT)
     here = plan.first_order(AGREEMENT)
     size = np.abs(here - piece.surface.vertices).max()
     np.testing.assert_allclose(there, 10.0 * here, atol=1e-5 * size)
@@ -179,7 +179,7 @@ def test_the_first_order_costs_about_what_the_motion_costs(piece: Piece, plan: P
 
 def test_a_weaker_patch_moves_less(piece: Piece, share: Share) -> None:
     sizes = [
-        np.linalg.norm(piece.plan(share, BITS, strength).first_order(AGREEMENT) - piece.surface.vertices)
+        np.linalg.norm(piece.plans(share, BITS, [strength])[0].first_order(AGREEMENT) - piece.surface.vertices)
         for strength in FORM.strengths
     ]
     assert sizes == sorted(sizes, reverse=True)

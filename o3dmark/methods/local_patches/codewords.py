@@ -73,7 +73,7 @@ class Share:
         return np.cos(phase), np.sin(phase)
 
     def values(self, found: Complexes, angle: Floats) -> Floats:
-        """The real coefficients (p, K) of patches (p, q) seen from an angle (p,) each."""
+        """The real coefficients (p, K) of patches (p, q) seen from an angle (p,) each; one of either goes with all."""
         cosine, sine = self.waves(found)
         turn, turn_sine = self.turns(angle)
         return np.asarray(cosine * turn + sine * turn_sine)

@@ -4,6 +4,7 @@ Patches whose cylinders share no triangle do not feel each other, so each is sol
 surface that its cylinder holds; beyond that piece nothing moves. What a motion costs is told by `motion.metric`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -107,10 +108,15 @@ class Piece:
         speed = geometry.motions_along(samples.corners[inside], ways, len(self.number)) @ self.motions.directions
         return np.asarray((speed.T @ gain).T * self.scale)
 
-    def plan(self, share: Share, bits: Bits, strength: float) -> "Plan":
-        """How to take the coefficients to codewords of the bits, seen from the angle from which that is cheapest."""
+    def plans(self, share: Share, bits: Bits, strengths: Sequence[float]) -> "list[Plan]":
+        """How to take the coefficients to codewords of the bits at each strength, from the angle of least cost."""
+        answer, least = (_seen(share, each, np.zeros(1)) for each in self._answers)
+        price = _inverse(answer @ least.T)
+        return [self._plan(share, bits, strength, price) for strength in strengths]
+
+    def _plan(self, share: Share, bits: Bits, strength: float, price: Floats) -> "Plan":
         found = self._unmoved[1] / strength
-        angle = self._cheapest(share, found, bits)
+        angle = _cheapest(share, found, bits, price)
         answer, least = (_seen(share, each, angle) for each in self._answers)
         phase = share.values(found[None], angle)[0]
         gram = answer @ least.T / strength**2
@@ -129,17 +135,6 @@ class Piece:
     def moved(self, vertices: Floats, along: Floats) -> Floats:
         """Vertices (v, 3) after a motion (d,) in the directions of `motions`."""
         return np.asarray(vertices + (self.motions.directions @ along).reshape(-1, 3) * self.scale)
-
-    def _cheapest(self, share: Share, found: Complexes, bits: Bits) -> Floats:
-        """The angle (1,) from which the codewords of the bits are nearest, as motion goes."""
-        answer, least = (_seen(share, each, np.zeros(1)) for each in self._answers)
-        inverse = _inverse(answer @ least.T)
-        angles = 2.0 * np.pi / _ANGLES * np.arange(float(_ANGLES))
-        phase = share.values(np.broadcast_to(found, (_ANGLES, len(found))), angles)
-        turned = share.restored(share.codewords(phase, bits) - phase, angles)
-        change = share.values(turned, np.zeros(_ANGLES))
-        best = int(np.argmin(((change @ inverse) * change).sum(axis=1)))
-        return angles[best : best + 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +200,19 @@ class Plan:
         return np.asarray(target)
 
 
+def _cheapest(share: Share, found: Complexes, bits: Bits, price: Floats) -> Floats:
+    """The angle (1,) from which the codewords of the bits are nearest, as motion goes: by the ``price`` (K, K) of
+    changes seen from angle 0."""
+    angles = 2.0 * np.pi / _ANGLES * np.arange(float(_ANGLES))
+    phase = share.values(found[None], angles)
+    turned = share.restored(share.codewords(phase, bits) - phase, angles)
+    change = share.values(turned, np.zeros(1))
+    return angles[[np.argmin(((change @ price) * change).sum(axis=1))]]
+
+
 def _seen(share: Share, jacobian: Complexes, angle: Floats) -> Floats:
     """The answers (K, d) of the real coefficients seen from an angle (1,), from those (q, d) of the complex ones."""
-    return share.values(jacobian.T, np.broadcast_to(angle, jacobian.shape[1])).T
+    return share.values(jacobian.T, angle).T
 
 
 def _inverse(gram: Floats) -> Floats:

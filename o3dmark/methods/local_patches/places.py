@@ -125,7 +125,7 @@ class _Choices:
     def __init__(self, piece: Piece, sensitivity: float, share: Share, bits: Bits) -> None:
         usable = [s for s in piece.form.strengths if sensitivity < _SENSITIVE * s]
         self.piece = piece
-        self.plans = [piece.plan(share, bits, strength) for strength in usable]
+        self.plans = piece.plans(share, bits, usable)
         self.first = self.plans[0].first_order(_AGREEMENTS[0])
         self.square = self.price(self.first)
 
