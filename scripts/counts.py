@@ -11,8 +11,11 @@ from o3dmark.campaign.keeping import SUMMARY
 from o3dmark.campaign.plan import UNTOUCHED
 from o3dmark.campaign.row import UNMARKED, WRONG_KEY, Row
 from o3dmark.errors import SpecError
+from o3dmark.report.content import corr_number, number
+from o3dmark.report.cost import cost, measure
 from o3dmark.report.data import Results
 from o3dmark.report.markdown import inline
+from o3dmark.report.summary import corr
 
 Lines = tuple[list[str], list[list[str]]]  # a head, and the lines under it
 CROPPING = "cropping"
@@ -125,6 +128,21 @@ def motions(result: Results, *, before: str, after: str) -> Lines:
         exact = (str(sum(row.bit_errors == 0 for row in rows)) for rows in read)
         lines.append([inline(mesh), *cells, f"{' → '.join(exact)} of {len(read[0])}"])
     return ["mesh", *kinds, "every bit read after attacks"], lines
+
+
+def comparison(result: Results) -> Lines:
+    """What each method costs, and of each table of attacks its mean Corr and how many messages are read."""
+    measures = [measure(metric) for metric in result.metrics]
+    lines = []
+    for who in result.entries:
+        costs = [cost(result, who, metric) for metric in result.metrics]
+        line = [inline(who.name), *(number(value, 2) for value in costs)]
+        for group in result.groups:
+            rows = result.of(who, group)
+            line.append(f"{corr_number(corr(rows))}, {_share(rows, 'message_ok')}")
+        lines.append([*line, _share(result.controls(who, WRONG_KEY), "message_read")])
+    head = ["", *(each.title for each in measures), *result.groups, "wrong keys"]
+    return head, lines
 
 
 def held_back(result: Results) -> Lines:

@@ -42,6 +42,7 @@ RESULTS = ROOT / "results"
 BLOCK = re.compile(r"(<!-- table: ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 SPECTRUM = ("shape_spectrum", "shape_spectrum_small")
 CONTROL_FOLDERS = ("false_positives", "wrong_keys", "false_positives_single")
+COMPARISONS = ("comparison", "comparison_published", "comparison_semi_regular")
 EDITS = ("edits", "edits_of_parts", "edits_beside")  # the last beside the cover
 PROFILES = {  # tables of the same kind
     "64 bits in small meshes": ("shape_spectrum_64",),
@@ -377,6 +378,10 @@ def rivals_head(result: Results, methods: dict[str, list[Entry]]) -> list[str]:
     ]
 
 
+def comparison_table(folder: str) -> str:
+    return grid(*counts.comparison(results(folder)))
+
+
 def fragments_table(folder: str) -> str:
     return grid(*counts.edits([results(folder)], []), left=4)
 
@@ -424,6 +429,7 @@ OF_RESULTS: dict[str, tuple[Callable[[], str], tuple[str, ...]]] = {  # and the 
     "motion": (lambda: grid(*counts.motions(results("motion"), before="least", after="unseen")), ("motion",)),
     "cap and eye": (lambda: grid(*counts.held_back(results("seen"))), ("seen",)),
     "rivals": (rivals_table, ("rivals",)),
+    **{name: (partial(comparison_table, name), (name,)) for name in COMPARISONS},
     "rivals cost": (rivals_cost_table, ("rivals",)),
     "attack sweep": (attack_sweep_table, ("attack_sweep",)),
     **{name: (partial(spectrum_table, folders), folders) for name, folders in PROFILES.items()},

@@ -147,7 +147,7 @@ class Layered(Method):
         before, triangles = mesh_arrays(cover)
         spent = geometry.motion_mrms(before, mesh_arrays(marked)[0], triangles)
         left = float(np.sqrt(max(self.total**2 - spent**2, 0.0)))
-        if not (left and len(room.places.vertex)):
+        if not (left and len(room.places)):
             return marked
         surface = mended(Surface.of(marked))
         done = self._patches(left).marked(surface, message, key, room)

@@ -20,6 +20,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from o3dmark.arrays import Ints
 from o3dmark.coding.detection import together
 from o3dmark.coding.keys import Key
 from o3dmark.errors import CapacityError, MeshError
@@ -30,7 +31,7 @@ from o3dmark.methods import METHODS, Depth, Extraction, Method
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
 from o3dmark.methods.local_patches.measuring import Sampled
-from o3dmark.methods.local_patches.places import Candidates, Limits, Marked, candidates, written
+from o3dmark.methods.local_patches.places import Limits, Marked, candidates, written
 from o3dmark.methods.local_patches.search import (
     OUTSIDE,
     REVERSED,
@@ -51,10 +52,10 @@ _NOISY, _CLEAN = 0.1, 0.97  # agreement over the highest, below and above which 
 
 
 class Room(NamedTuple):
-    """Where a surface has room for patches, and of which radius."""
+    """The vertices (k,) where a surface has room for patches, and of which radius."""
 
     radius: float
-    places: Candidates
+    places: Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from o3dmark.methods.local_patches.embedder import Piece, Plan
 from o3dmark.methods.local_patches.measuring import Sampled, coefficients
 from o3dmark.motion.visibility import Visibility
 
-_LOOKED_AT = 2000  # vertices, of which places are chosen
+_LOOKED_AT, _LOOKED_AT_AGAIN = 2000, 500  # vertices, of which places are chosen; the best, in what is to be written
 _ASIDE, _TURN = 0.01, np.pi / 256  # a shift, over the radius, and an angle by which places are tried
 _SENSITIVE = 0.2  # rms change of phases by either, above which a place is no use
 _CLEAR = 0.95  # of a radius about a centre, within which no other patch moves anything
@@ -28,13 +28,6 @@ _MOST_TRIED = 300
 _AROUND = 0.7  # of a radius, within which it is asked how well eyes see
 _LEAST = 1.3  # vertices that may move, over the coefficients
 _SEEN = 0.95  # of a patch that stays below what is said to be seen of it
-
-
-class Candidates(NamedTuple):
-    """Vertices (k,) where patches may stand, the best first, and how much coefficients change a little aside (k,)."""
-
-    vertex: Ints
-    sensitivity: Floats
 
 
 class Place(NamedTuple):
@@ -62,38 +55,24 @@ class Limits:
     jnd: float
 
 
-def candidates(sampled: Sampled) -> Candidates:
-    """Where patches are clear of boundaries; first what is found again well for how strong nobody sees it.
+def candidates(sampled: Sampled) -> Ints:
+    """Vertices (k,) where patches may stand, the best first.
 
     It hangs on neither key nor bits, and takes most of the time that patches take.
     """
-    surface, functions = sampled.surface, disk_functions(sampled.form)
+    surface = sampled.surface
     some = np.unique(np.linspace(0, len(surface.vertices) - 1, _LOOKED_AT).astype(np.int64))
-    patches = sampled.patches(surface.vertices[some], surface.normals[some])
-    whole = sampled.whole(patches)
-    some, patches = some[whole], patches.among(whole)
-    found = coefficients(sampled.grid, patches, functions)
-    square = ((_TURN * functions.order * np.abs(found)) ** 2).sum(axis=1)
-    for across in patches.frames()[:, :2].transpose(1, 0, 2):
-        aside = sampled.patches(patches.centre + _ASIDE * sampled.radius * across, patches.axis)
-        square += (np.abs(coefficients(sampled.grid, aside, functions) - found) ** 2).sum(axis=1)
-    sensitivity = np.sqrt(square / functions.n_real)
-    around = scipy.spatial.cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
-    acuity = Visibility(surface).acuity
-    acuity = np.array([acuity[near].mean() for near in around])
-    order = np.argsort(sensitivity * acuity, kind="stable")
-    order = order[sensitivity[order] < _SENSITIVE * max(sampled.form.strengths)]
-    return Candidates(some[order], sensitivity[order])
+    return _by_merit(sampled, Visibility(surface), some)[0]
 
 
-def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits, places: Candidates) -> Marked:
+def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits, places: Ints) -> Marked:
     """The surface with as many patches as it takes within the limits; none where it takes none.
 
-    ``places``: its `candidates`, or those of the surface that it was before a little motion.
+    ``places`` (k,): its `candidates`, or those of the surface that it was before a little motion.
     """
     surface = sampled.surface
     visibility = Visibility(surface)
-    pieces = _pieces(sampled, *places)
+    pieces = _pieces(sampled, *_by_merit(sampled, visibility, places[:_LOOKED_AT_AGAIN]))
     plans = [
         _Choices(piece, sensitivity, shares[i % len(shares)], bits) for i, (piece, sensitivity) in enumerate(pieces)
     ]
@@ -142,6 +121,26 @@ class _Choices:
                 if seen <= most:
                     return plan, agreement, seen
         return None
+
+
+def _by_merit(sampled: Sampled, visibility: Visibility, vertices: Ints) -> tuple[Ints, Floats]:
+    """Of some vertices those (k,) where patches are clear of boundaries, and their sensitivities (k,): rms changes of
+    coefficients as one looks a little aside. First those that are found again well for how strong nobody sees them."""
+    surface, functions = sampled.surface, disk_functions(sampled.form)
+    patches = sampled.patches(surface.vertices[vertices], surface.normals[vertices])
+    whole = sampled.whole(patches)
+    vertices, patches = vertices[whole], patches.among(whole)
+    found = coefficients(sampled.grid, patches, functions)
+    square = ((_TURN * functions.order * np.abs(found)) ** 2).sum(axis=1)
+    for across in patches.frames()[:, :2].transpose(1, 0, 2):
+        aside = sampled.patches(patches.centre + _ASIDE * sampled.radius * across, patches.axis)
+        square += (np.abs(coefficients(sampled.grid, aside, functions) - found) ** 2).sum(axis=1)
+    sensitivity = np.sqrt(square / functions.n_real)
+    around = scipy.spatial.cKDTree(surface.vertices).query_ball_point(patches.centre, _AROUND * sampled.radius)
+    acuity = np.array([visibility.acuity[near].mean() for near in around])
+    order = np.argsort(sensitivity * acuity, kind="stable")
+    order = order[sensitivity[order] < _SENSITIVE * max(sampled.form.strengths)]
+    return vertices[order], sensitivity[order]
 
 
 def _pieces(sampled: Sampled, vertices: Ints, sensitivities: Floats) -> list[tuple[Piece, float]]:
