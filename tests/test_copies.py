@@ -155,6 +155,16 @@ def test_what_cannot_be_marked_is_told_and_nothing_is_entered(key: Key, tmp_path
     assert [path.name for path in (tmp_path / "out" / "flat.ply").iterdir()] == [".o3dmark.lock"]
 
 
+def test_a_file_where_the_folder_of_the_copies_should_be_is_told(asset: Path, key: Key, tmp_path: Path) -> None:
+    (tmp_path / asset.name).write_bytes(asset.read_bytes())
+    with (
+        Ledger(tmp_path / "copies.db", writable=True) as ledger,
+        pytest.raises(LedgerError, match="a file of that name is there: another --out"),
+    ):
+        next(issue(asset, ["a"], key, ledger, tmp_path))
+    assert (tmp_path / asset.name).read_bytes() == asset.read_bytes()
+
+
 def test_two_at_a_time_in_one_folder_are_one_too_many(asset: Path, key: Key, tmp_path: Path) -> None:
     with Ledger(tmp_path / "copies.db", writable=True) as ledger:
         first = issue(asset, ["a"], key, ledger, tmp_path / "out", profile="robust-2026")

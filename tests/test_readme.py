@@ -15,7 +15,7 @@ from o3dmark import cli
 from o3dmark.campaign import spec_file
 
 README = ROOT / "README.md"
-DOCS = sorted((ROOT / "docs").rglob("*.md"))
+DOCS = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md", ROOT / "examples" / "README.md"]
 PAGES = [README, *DOCS]
 FENCED = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```", re.DOTALL | re.MULTILINE)  # language, file name, text
 OWN = "mine"  # the campaign that docs/campaigns.md shows in full
@@ -55,16 +55,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_readme_is_short() -> None:
-    assert len(text_of(README).splitlines()) <= 200
+    assert len(text_of(README).splitlines()) <= 130
 
 
 def test_the_tour_runs_and_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(code(README, "python")[0], "README.md", "exec"), {})
-    message, present, mrms = capsys.readouterr().out.splitlines()
-    assert message.startswith("mine ")
-    assert float(message.split()[1]) < 1e-4
-    assert present == "True"
-    assert float(mrms) <= 6e-4
+    assert capsys.readouterr().out.splitlines() == ["mine", "True"]
+
+
+EXTENDING = ROOT / "docs" / "extending.md"
 
 
 def test_the_example_of_a_method_is_one() -> None:
@@ -72,15 +71,26 @@ def test_the_example_of_a_method_is_one() -> None:
 
     try:
         names: dict[str, Any] = {}
-        exec(compile(code(README, "python")[1], "README.md", "exec"), names)
+        exec(compile(code(EXTENDING, "python")[0], "extending.md", "exec"), names)
         assert issubclass(METHODS["my-method"], Method)
         assert METHODS.make("my-method:strength=0.002").strength == 0.002  # type: ignore[attr-defined]
     finally:
         METHODS._classes.pop("my-method", None)
 
 
+def test_the_examples_of_an_attack_and_a_metric_work() -> None:
+    from o3dmark.attacks import ATTACKS
+    from o3dmark.metrics import METRICS
+
+    try:
+        exec(compile(code(EXTENDING, "python")[1], "extending.md", "exec"), {})
+    finally:
+        ATTACKS._classes.pop("swell", None)
+        METRICS._classes.pop("growth", None)
+
+
 def test_readme_s_commands_work_in_their_order(folder: Path) -> None:
-    assert len(commands(README)) == 12
+    assert len(commands(README)) == 9
     assert {"owner.key", "marked.ply", "attacked.ply", "look.png", "leak.stl"} <= {
         path.name for path in folder.iterdir()
     }
@@ -165,7 +175,7 @@ def test_other_pages_show_no_command_that_is_not_run() -> None:
     assert shown == {"README.md", "methods.md", "campaigns.md", "copies.md", "pictures.md"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_campaigns_and_campaign_files_are_there(page: Path) -> None:
     for line in re.findall(r"^    o3dmark bench (\S+)", text_of(page), re.MULTILINE):
         assert line == f"{OWN}.toml" or spec_file.find_spec(line).exists()
@@ -245,7 +255,7 @@ def broken(page: Path) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_no_link_is_broken(page: Path) -> None:
     assert broken(page) == []
 

@@ -99,6 +99,8 @@ def issue(
     order = _order(asset, key, Path(out), known, profile, n_bits)
     _check_unchanged(order, known)
     folder = Path(order.folder)
+    if folder.exists() and not folder.is_dir():
+        raise LedgerError(f"the copies go to a folder {str(folder)!r}, and a file of that name is there: another --out")
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder, _LOCK):
         entered = {copy.name: copy for copy in known if copy.asset == order.asset}
