@@ -186,6 +186,23 @@ def attack_sweep(directory: Path) -> Lines:
     return ["attack", "a valid mesh, the input as it was", "refused, with a reason", "failed"], lines
 
 
+def clouds(path: Path) -> Lines:
+    """From which points messages are read, and what that takes; from the rows of clouds.py."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if not row["condition"].startswith("refused")]
+    names, lines = list(dict.fromkeys(row["condition"] for row in rows)), []
+    for mesh in dict.fromkeys(row["mesh"] for row in rows):
+        mine = [row for row in rows if row["mesh"] == mesh]
+        here = [[row for row in mine if row["condition"] == name] for name in names]
+        cells = [
+            f"{sum(int(row['read']) for row in each)} of {len(each)}, {fmean(float(row['seconds']) for row in each):.0f} s"
+            for each in here
+        ]
+        rms, spent = (fmean(float(row[name]) for row in mine) for name in ("rms", "embed_seconds"))
+        lines.append([inline(mesh), f"{1e3 * rms:.2f}", f"{spent:.0f} s", *cells])
+    return ["", "RMS motion · 10³", "marked in", *names], lines
+
+
 def marked_twice(path: Path) -> Lines:
     """How often the first of two marks is read, and found by who knows it; from the rows of marked_twice.py."""
     with path.open(encoding="utf-8", newline="") as file:

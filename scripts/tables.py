@@ -410,6 +410,7 @@ OF_CODE: dict[str, Callable[[], str]] = {
     "rows": row_table,
     "campaigns": campaigns_table,
     "collusion": lambda: grid(*counts.collusion(RESULTS / "collusion" / "rows.csv")),  # by scripts/collusion.py
+    "clouds": lambda: grid(*counts.clouds(RESULTS / "clouds" / "rows.csv")),  # by scripts/clouds.py
     "marked twice": lambda: grid(
         *counts.marked_twice(RESULTS / "marked_twice" / "rows.csv")
     ),  # by scripts/marked_twice.py

@@ -237,6 +237,19 @@ def legacy_cloud(cloud: Any) -> "PointCloud":
     )
 
 
+def with_points(cloud: Any, points: Floats) -> Any:
+    """A copy of a point cloud, legacy or tensor, with its points there (n, 3), in its own precision; all else stays."""
+    import open3d as o3d
+
+    if _is(cloud, "geometry.PointCloud"):
+        moved = o3d.geometry.PointCloud(cloud)
+        moved.points = o3d.utility.Vector3dVector(np.array(points, np.float64, order="C"))
+        return moved
+    moved = cloud.clone()
+    moved.point.positions = _like(cloud.point.positions, points)
+    return moved
+
+
 def triangle_mesh(vertices: Floats, triangles: Ints) -> "TriangleMesh":
     """An Open3D mesh from vertices (n, 3) and triangles (m, 3)."""
     import open3d as o3d

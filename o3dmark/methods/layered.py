@@ -19,7 +19,7 @@ from o3dmark.arrays import Bits
 from o3dmark.coding.collusion import Mixture
 from o3dmark.coding.keys import Key
 from o3dmark.mesh import geometry
-from o3dmark.mesh.surface import Surface, mesh_arrays, with_vertices
+from o3dmark.mesh.surface import Surface, is_cloud, mesh_arrays, with_vertices
 from o3dmark.mesh.welding import mended, open_edges
 from o3dmark.methods import METHODS, Depth, Extraction, Method, Progress, silent
 from o3dmark.methods.shape_spectrum import method as shape_spectrum
@@ -43,15 +43,18 @@ class Prepared(NamedTuple):
 
 
 class Seen:
-    """What a mesh shows to either layer; what patches show is worked out when it is first asked for."""
+    """What a mesh shows to either layer; what patches show is worked out when it is first asked for.
 
-    def __init__(self, whole: Hypotheses, look: "Callable[[Surface], Look]") -> None:
+    Points show none: the surface through them has its vertices elsewhere each time.
+    """
+
+    def __init__(self, whole: Hypotheses, look: "Callable[[Surface], Look] | None") -> None:
         self.whole, self._look = whole, look
         self._patches: Look | None = None
 
     @property
-    def patches(self) -> "Look":
-        if self._patches is None:
+    def patches(self) -> "Look | None":
+        if self._patches is None and self._look is not None:
             self._patches = self._look(self.whole.received)
         return self._patches
 
@@ -133,9 +136,12 @@ class Layered(Method):
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
         """See `Method.embed`. A mesh without room for patches is marked as a solid alone; `layers` tell which were.
 
-        So is one whose solid's layer would not be read any more beside the patches.
+        So is one whose solid's layer would not be read any more beside the patches; and a point cloud, whose points are
+        no vertices to find patches from.
         """
         message = np.asarray(bits, np.uint8).ravel()
+        if is_cloud(mesh):
+            return self._solid.embed(mesh, message, key)
         if isinstance(mesh, Prepared):
             return self._with_patches(mesh.mesh, self._solid.embed(mesh.solid, message, key), message, key, mesh.room)
         marked = self._solid.embed(mesh, message, key)
@@ -165,7 +171,8 @@ class Layered(Method):
         """See `Method.observe`."""
         if isinstance(mesh, Seen):
             return mesh
-        return Seen(self._solid.observe(mesh), lambda surface: self.local.observe(surface))
+        look = None if is_cloud(mesh) else lambda surface: self.local.observe(surface)
+        return Seen(self._solid.observe(mesh), look)
 
     def extract(self, mesh: Any, n_bits: int, key: Key, *, reference: Any = None) -> Extraction:
         """See `Method.extract`. The solid at first sight; then patches, and all that the solid's reader tries.
@@ -186,12 +193,12 @@ class Layered(Method):
             first = solid.extract(seen.whole, n_bits, key).times(4)
             if _is_clear(first):
                 return first
-        patches = self.local.extract(seen.patches, n_bits, key).times(2)
-        if patches.part:
+        patches = None if seen.patches is None else self.local.extract(seen.patches, n_bits, key).times(2)
+        if patches is not None and patches.part:
             return patches.beside(first)
         if reference is None and not whole:
             first = solid.extract(seen.whole, n_bits, key).times(4)
-        return first.beside(patches)
+        return first if patches is None else first.beside(patches)
 
     def capacity(self, mesh: Any) -> int:
         """That of the solid."""

@@ -128,8 +128,15 @@ class ShapeSpectrum(Method):
         return True
 
     def embed(self, mesh: Any, bits: ArrayLike, key: Key) -> Any:
-        """See `Method.embed`. Of the ways within ``mrms`` and ``jnd``, the one with the widest margin is taken."""
+        """See `Method.embed`; ``mesh`` may also be a point cloud (see `_clouds`).
+
+        Of the ways within ``mrms`` and ``jnd``, the one with the widest margin is taken.
+        """
         message = np.asarray(bits, np.uint8).ravel()
+        if is_cloud(mesh):
+            from o3dmark.methods._clouds import marked_cloud
+
+            return marked_cloud(self, mesh, message, key)
         if isinstance(mesh, Prepared):
             return _written(mesh, self._change(mesh.cover, message, _unseen))
         prepared = self.prepare(mesh, len(message), key)
