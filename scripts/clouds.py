@@ -2,9 +2,9 @@
 
     python scripts/clouds.py --meshes FOLDER [MESH...]     what is not there yet
 
-Of each mesh 200 000 points are sampled, with their triangles' normals, and marked. The mark is read from the points, from half of
-them, with noise of 0.1 % of the diagonal, without normals, and from the Poisson surface of the points. Interrupted, it
-can be run again.
+Of each mesh 200 000 points are sampled, with their triangles' normals, and marked. The mark is read from the points,
+from half of them, with noise of 0.1 % of the diagonal, without normals, and from the Poisson surface of the points.
+Interrupted, it can be run again.
 """
 
 import argparse

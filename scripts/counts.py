@@ -194,10 +194,9 @@ def clouds(path: Path) -> Lines:
     for mesh in dict.fromkeys(row["mesh"] for row in rows):
         mine = [row for row in rows if row["mesh"] == mesh]
         here = [[row for row in mine if row["condition"] == name] for name in names]
-        cells = [
-            f"{sum(int(row['read']) for row in each)} of {len(each)}, {fmean(float(row['seconds']) for row in each):.0f} s"
-            for each in here
-        ]
+        seconds = [fmean(float(row["seconds"]) for row in each) for each in here]
+        counts = [f"{sum(int(row['read']) for row in each)} of {len(each)}" for each in here]
+        cells = [f"{count}, {took:.0f} s" for count, took in zip(counts, seconds, strict=True)]
         rms, spent = (fmean(float(row[name]) for row in mine) for name in ("rms", "embed_seconds"))
         lines.append([inline(mesh), f"{1e3 * rms:.2f}", f"{spent:.0f} s", *cells])
     return ["", "RMS motion · 10³", "marked in", *names], lines

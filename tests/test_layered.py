@@ -100,14 +100,19 @@ def test_patches_that_disturb_the_solid_are_not_written(
     assert np.array_equal(mesh_arrays(marked)[0], mesh_arrays(layers[0])[0])
 
 
-def test_a_copy_of_what_was_prepared_is_the_mesh_that_is_marked_at_once(
-    spot: TriangleMesh, marked: Any, key: Key, monkeypatch: pytest.MonkeyPatch
+def test_copies_of_what_was_prepared_have_both_layers_and_places_are_not_looked_for_again(
+    spot: TriangleMesh, key: Key, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(places, "_LOOKED_AT", 250)
     prepared = METHOD.prepare(spot, len(BITS), key)
-    monkeypatch.setattr(places, "candidates", asked)
-    copy = METHOD.embed(prepared, BITS, key)
-    assert np.allclose(mesh_arrays(copy)[0], mesh_arrays(marked)[0], rtol=0.0, atol=1e-9)
+    monkeypatch.setattr(places, "spread", asked)
+    for bits in (BITS, 1 - BITS):
+        copy = METHOD.embed(prepared, bits, key)
+        for layer in METHOD.layers.values():
+            assert np.array_equal(layer.quick.extract(copy, len(bits), key).bits, bits)
+        assert METHOD.limits["mrms"] >= geometry.motion_mrms(
+            *(mesh_arrays(each)[0] for each in (spot, copy)), mesh_arrays(spot)[1]
+        )
 
 
 # What reading promises

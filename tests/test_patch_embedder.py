@@ -16,7 +16,7 @@ from o3dmark.methods.local_patches.disk import disk_functions
 from o3dmark.methods.local_patches.embedder import Piece, Plan
 from o3dmark.methods.local_patches.format import FORMATS
 from o3dmark.methods.local_patches.measuring import Sampled, coefficients, grid_of, held
-from o3dmark.methods.local_patches.places import Limits, Marked, candidates, written
+from o3dmark.methods.local_patches.places import Limits, Marked, spread, written
 from o3dmark.methods.local_patches.scoring import best_angles
 from o3dmark.motion.visibility import Visibility
 
@@ -209,7 +209,7 @@ def quick() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def marked(whole: Sampled, share: Share, limits: Limits, quick: None) -> Marked:
-    return written(whole, [share], BITS, limits, candidates(whole))
+    return written(whole, [share], BITS, limits, spread(whole.surface))
 
 
 @pytest.fixture(scope="module")
@@ -277,13 +277,13 @@ def test_a_lower_limit_takes_fewer_patches_the_cheapest_first(
     quick: None,
 ) -> None:
     low = Limits(0.3 * limits.rms, limits.jnd)
-    fewer = written(whole, [share], BITS, low, candidates(whole))
+    fewer = written(whole, [share], BITS, low, spread(whole.surface))
     assert 0 < len(fewer.places) < len(marked.places)
     assert 0.5 * low.rms < rms(whole.surface, fewer.vertices) <= low.rms
     assert {place.vertex for place in fewer.places} <= {place.vertex for place in marked.places}
 
 
 def test_within_next_to_nothing_there_is_no_patch(whole: Sampled, share: Share, quick: None) -> None:
-    done = written(whole, [share], BITS, Limits(1.0, 1e-3), candidates(whole))
+    done = written(whole, [share], BITS, Limits(1.0, 1e-3), spread(whole.surface))
     assert done.places == []
     assert np.array_equal(done.vertices, whole.surface.vertices)

@@ -145,15 +145,15 @@ class Layered(Method):
         if isinstance(mesh, Prepared):
             return self._with_patches(mesh.mesh, self._solid.embed(mesh.solid, message, key), message, key, mesh.room)
         marked = self._solid.embed(mesh, message, key)
-        both = self._with_patches(mesh, marked, message, key, self.local.room(mended(Surface.of(mesh))))
+        both = self._with_patches(mesh, marked, message, key)
         return both if np.array_equal(self._solid.quick.extract(both, len(message), key).bits, message) else marked
 
-    def _with_patches(self, cover: Any, marked: Any, message: Bits, key: Key, room: "Room") -> Any:
+    def _with_patches(self, cover: Any, marked: Any, message: Bits, key: Key, room: "Room | None" = None) -> Any:
         """A cover whose solid is marked with patches besides, as many as the budget has left."""
         before, triangles = mesh_arrays(cover)
         spent = geometry.motion_mrms(before, mesh_arrays(marked)[0], triangles)
         left = float(np.sqrt(max(self.total**2 - spent**2, 0.0)))
-        if not (left and len(room.places)):
+        if not left:
             return marked
         surface = mended(Surface.of(marked))
         done = self._patches(left).marked(surface, message, key, room)

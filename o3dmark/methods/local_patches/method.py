@@ -31,7 +31,7 @@ from o3dmark.methods import METHODS, Depth, Extraction, Method
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.format import FORMATS, PatchFormat
 from o3dmark.methods.local_patches.measuring import Sampled
-from o3dmark.methods.local_patches.places import Limits, Marked, candidates, written
+from o3dmark.methods.local_patches.places import Limits, Marked, candidates, spread, written
 from o3dmark.methods.local_patches.search import (
     OUTSIDE,
     REVERSED,
@@ -129,7 +129,7 @@ class LocalPatches(Method):
 
     @one_thread()
     def room(self, surface: Surface) -> Room:
-        """Where a surface, or one that is moved a little, has room for patches, whatever the key and the bits."""
+        """Where a surface that is yet to be moved a little has room for patches, whatever the key and the bits."""
         sampled = Sampled(FORMATS[self.format], surface, self.radius_on(surface))
         return Room(sampled.radius, candidates(sampled))
 
@@ -137,12 +137,12 @@ class LocalPatches(Method):
     def marked(self, surface: Surface, bits: np.ndarray, key: Key, room: Room | None = None) -> Marked:
         """A surface with all the patches that it takes, maybe none. Errors: CapacityError for too many bits.
 
-        ``room``: its own, or that of what it was before a little motion; None: it is worked out.
+        ``room``: that of what it was before a little motion; None: it is looked for everywhere.
         """
         if len(bits) > _MAX_BITS:
             raise CapacityError(len(bits), _MAX_BITS)
         form, most = FORMATS[self.format], Limits(self.mrms * surface.diagonal, self.jnd)
-        radius, places = room or self.room(surface)
+        radius, places = room or Room(self.radius_on(surface), spread(surface))
         return written(Sampled(form, surface, radius), Share.all_of(key, form, len(bits)), bits, most, places)
 
     def radius_on(self, surface: Surface) -> float:

@@ -12,13 +12,15 @@ import numpy as np
 import scipy
 
 from o3dmark.arrays import Bits, Floats, Ints
+from o3dmark.mesh.surface import Surface
 from o3dmark.methods.local_patches.codewords import Share
 from o3dmark.methods.local_patches.disk import disk_functions
 from o3dmark.methods.local_patches.embedder import Piece, Plan
 from o3dmark.methods.local_patches.measuring import Sampled, coefficients
 from o3dmark.motion.visibility import Visibility
 
-_LOOKED_AT, _LOOKED_AT_AGAIN = 2000, 500  # vertices, of which places are chosen; the best, in what is to be written
+_LOOKED_AT = 2000  # vertices, of which places are chosen
+_OF_COVER = 1000  # the best of them in a cover, looked at again in its copies: 500 took venus_50002 22 patches for 30
 _ASIDE, _TURN = 0.01, np.pi / 256  # a shift, over the radius, and an angle by which places are tried
 _SENSITIVE = 0.2  # rms change of phases by either, above which a place is no use
 _CLEAR = 0.95  # of a radius about a centre, within which no other patch moves anything
@@ -55,24 +57,24 @@ class Limits:
     jnd: float
 
 
-def candidates(sampled: Sampled) -> Ints:
-    """Vertices (k,) where patches may stand, the best first.
+def spread(surface: Surface) -> Ints:
+    """Some of the vertices (k,), all over their numbers."""
+    return np.unique(np.linspace(0, len(surface.vertices) - 1, _LOOKED_AT).astype(np.int64))
 
-    It hangs on neither key nor bits, and takes most of the time that patches take.
-    """
-    surface = sampled.surface
-    some = np.unique(np.linspace(0, len(surface.vertices) - 1, _LOOKED_AT).astype(np.int64))
-    return _by_merit(sampled, Visibility(surface), some)[0]
+
+def candidates(sampled: Sampled) -> Ints:
+    """The best (k,) of those for patches, in a cover whose copies are yet to be moved; key and bits do not matter."""
+    return _by_merit(sampled, Visibility(sampled.surface), spread(sampled.surface))[0][:_OF_COVER]
 
 
 def written(sampled: Sampled, shares: Sequence[Share], bits: Bits, most: Limits, places: Ints) -> Marked:
     """The surface with as many patches as it takes within the limits; none where it takes none.
 
-    ``places`` (k,): its `candidates`, or those of the surface that it was before a little motion.
+    ``places`` (k,): vertices, of which the best are taken.
     """
     surface = sampled.surface
     visibility = Visibility(surface)
-    pieces = _pieces(sampled, *_by_merit(sampled, visibility, places[:_LOOKED_AT_AGAIN]))
+    pieces = _pieces(sampled, *_by_merit(sampled, visibility, places))
     plans = [
         _Choices(piece, sensitivity, shares[i % len(shares)], bits) for i, (piece, sensitivity) in enumerate(pieces)
     ]
