@@ -78,6 +78,11 @@ def test_the_example_of_a_method_is_one() -> None:
         METHODS._classes.pop("my-method", None)
 
 
+@pytest.mark.slow
+def test_the_example_of_the_page_of_clouds_works() -> None:
+    exec(compile(code(ROOT / "docs" / "clouds.md", "python")[0], "clouds.md", "exec"), {})
+
+
 def test_the_examples_of_an_attack_and_a_metric_work() -> None:
     from o3dmark.attacks import ATTACKS
     from o3dmark.metrics import METRICS
