@@ -163,12 +163,13 @@ class Watermark:
 
 
 def _check_message(message: object) -> None:
+    """Errors: SpecError, which does not repeat what may be a secret."""
     if isinstance(message, Key):
         order = "embed(mesh, message, key), detect(mesh, key, message)"
         raise SpecError(f"the key stands where the message should: {order}")
     if not isinstance(message, str):
-        what = f"{type(message).__name__} {message!r}"
-        raise SpecError(f"a message is a text, or 'hex:' and bytes, not the {what}: write it as a text")
+        kind = type(message).__name__
+        raise SpecError(f"a message is a text, or 'hex:' and digits of bytes, not of type {kind}: write it as a text")
 
 
 def _check_key(key: object) -> None:

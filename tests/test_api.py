@@ -151,7 +151,7 @@ def test_message_and_key_the_wrong_way_round_are_told(spot: TriangleMesh, key: K
         with pytest.raises(SpecError, match=r"embed\(mesh, message, key\), detect\(mesh, key, message\)"):
             call()
     for wrong in (5, b"mine", None):
-        with pytest.raises(SpecError, match="a message is a text, or 'hex:' and bytes, not the"):
+        with pytest.raises(SpecError, match="a message is a text, or 'hex:' and digits of bytes, not of type"):
             MARK.embed(spot, wrong, key)  # type: ignore[arg-type]
 
 
