@@ -108,9 +108,11 @@ def test_what_of_the_surface_spoke_is_told(folder: Path, fragment: Path, capsys:
     known = run(capsys, "detect", *words, "--message", "part", "--json")[1]
     raw = run(capsys, "extract", *words, "--raw", "--json")[1]
     assert known["patches"] == result["patches"]
+    assert known["layer"] == result["layer"] == "local"
     assert [each["radius"] for each in raw["patches"]] == pytest.approx([each["radius"] for each in result["patches"]])
     words = (folder / "marked.ply", "--key", folder / "owner.key", "--profile", "robust-2026", "--json")
-    assert run(capsys, "extract", *words)[1]["patches"] == []
+    whole = run(capsys, "extract", *words)[1]
+    assert (whole["patches"], whole["layer"]) == ([], "global")
 
 
 def test_a_wrong_key_is_a_no_without_a_message(folder: Path, tmp_path: Path, capsys: Any) -> None:

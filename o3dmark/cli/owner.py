@@ -229,8 +229,10 @@ def _about_found(found: str | None, mark: "Watermark", method: str | None, profi
 
 
 def _where(found: "PartReading | PartDetection") -> dict[str, Any]:
-    """Which part of the file spoke, and which patches of its surface."""
-    return {"part": found.part, "patches": [patch.to_dict() for patch in found.patches]}
+    """Which part of the file spoke, which layer of the mark, and which patches of the surface."""
+    from o3dmark.mesh.patch import layer
+
+    return {"part": found.part, "layer": layer(found.patches), "patches": [patch.to_dict() for patch in found.patches]}
 
 
 def asked(method: str | None, profile: str | None, n_bits: int | None) -> "Watermark | None":

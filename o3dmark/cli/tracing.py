@@ -164,6 +164,8 @@ def _answer(name: str, file: "Path | MeshError", tracer: "Tracer", *, json: bool
 
 def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     """The fields of the line of a suspect."""
+    from o3dmark.mesh.patch import layer
+
     yield "found", found.found
     yield "copy", found.best.copy.name if found.best and found.found else None
     yield "copies", [named.copy.name for named in found.named]
@@ -176,7 +178,7 @@ def _fields(found: "Trace") -> Iterator[tuple[str, Any]]:
     yield "source", found.best.copy.source if found.best and found.found else None
     yield "part", found.part
     yield "patches", [patch.to_dict() for patch in found.patches]
-    yield "layer", "local" if found.patches else "global"
+    yield "layer", layer(found.patches)
     yield "informed", found.informed
 
 

@@ -1,6 +1,7 @@
 """A patch: the part of a surface that lies in a cylinder which stands on it."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -40,3 +41,8 @@ class Patch(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, ready for JSON."""
         return {name: np.asarray(value).tolist() for name, value in self._asdict().items()}
+
+
+def layer(patches: Sequence[Patch]) -> Literal["local", "global"]:
+    """Which layer of a mark spoke, by the patches that did: without any, that of the whole."""
+    return "local" if patches else "global"
